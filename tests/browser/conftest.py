@@ -24,6 +24,7 @@ CHROMIUM_FLAGS = [
 ]
 VIEWPORT: ViewportSize = {"width": 1100, "height": 740}
 """The page in its wide layout, stage and tools in sight; without a graphics card every pixel takes time."""
+LIVE = "body.state === 'live' && Number(body.frame) > 0"
 PATIENCE_MS = 60_000
 """Longest wait of a test for something that has to happen; a loaded machine may draw one picture a second."""
 expect.set_options(timeout=PATIENCE_MS)
@@ -44,13 +45,7 @@ def free_port() -> int:
 
 
 class LiveService:
-    """`python -m hybridmpm_service` on a port of its own; may be stopped and started again.
-
-    Parameters
-    ----------
-    settings : str
-        Settings of the service by name.
-    """
+    """`python -m hybridmpm_service` with settings and a port of its own; may be stopped and started again."""
 
     def __init__(self, **settings: str) -> None:
         self._settings = {f"HYBRIDMPM_{name.upper()}": value for name, value in settings.items()}
@@ -66,13 +61,7 @@ class LiveService:
         self.stop()
 
     def start(self) -> None:
-        """Start and wait until a session can be created.
-
-        Raises
-        ------
-        RuntimeError
-            If the process ends early or is not ready after a minute; carries what it printed.
-        """
+        """Start and wait until a session can be created; the error is what it printed."""
         address = {"HYBRIDMPM_PORT": str(self.port), "HYBRIDMPM_HOST": "127.0.0.1"}
         # How busy this machine is decides nothing in tests of the page.
         environment = os.environ | {"HYBRIDMPM_MAX_LOAD": "64"} | self._settings | address
@@ -189,7 +178,6 @@ class Visit:
     def pixel(self, x: float, y: float) -> tuple[float, float]:
         """Return where a world point of the flat (or front) view lies on the screen."""
         box = self.page.locator("#overlay").bounding_box()
-        assert box is not None
         scale = box["width"] / (0.8 + 2 * 0.035)  # walls at 0.1 and 0.9, and the margin of camera.js
         middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         return middle[0] + (x - 0.5) * scale, middle[1] - (y - 0.5) * scale
@@ -251,7 +239,8 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
     """Open the page of the service, and find at the end that no page complained in its console.
 
     A test's first page is loaded into the shared tab, which is empty before and after; the page stores
-    nothing. What a test wants to `prepare` stays with a tab, so such a page gets one of its own.
+    nothing. What a test wants to `prepare` stays with a tab, so such a page gets one of its own. The function
+    returns once `until` holds, an expression as of `Visit.wait_for`, and the page rests at a frame.
     """
     visits: list[Visit] = []
 
@@ -259,6 +248,8 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         query: str = "renderer=canvas2d",
         viewport: ViewportSize | None = None,
         prepare: Callable[[Page], None] | None = None,
+        until: str = "",
+        paused_at: int | None = None,
     ) -> Visit:
         page = tab if prepare is None and not visits else browser.new_page()
         page.set_viewport_size(viewport or VIEWPORT)
@@ -270,6 +261,10 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         page.on("console", visit.note_line)
         page.goto(f"{service.url}/?{query}")
         visits.append(visit)
+        if until:
+            visit.wait_for(until)
+        if paused_at is not None:
+            visit.pause_at(paused_at)
         return visit
 
     yield open_one

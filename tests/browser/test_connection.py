@@ -6,11 +6,9 @@ import httpx
 import pytest
 from playwright.sync_api import WebSocketRoute
 
-from .conftest import LiveService, Open
+from .conftest import LIVE, LiveService, Open
 
 pytestmark = pytest.mark.browser
-
-LIVE = "body.state === 'live' && Number(body.frame) > 0"
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +19,7 @@ def service() -> Iterator[LiveService]:
 
 
 def test_restarted_server_is_announced(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     first = visit.session
     service.stop()
     visit.wait_for("body.state === 'reconnecting'")
@@ -44,8 +41,7 @@ def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:
         sockets.append(socket)
         socket.connect_to_server()
 
-    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream*", relay))
-    visit.wait_for(LIVE)
+    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream*", relay), until=LIVE)
     first, frame = visit.session, visit.frame
     sockets[0].close(code=1011, reason="cut by the test")
     visit.eventually(lambda: len(sockets) == 2)
@@ -54,8 +50,7 @@ def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:
 
 
 def test_deleted_session_is_reported_as_gone(open_page: Open, service: LiveService) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0")
-    visit.wait_for(LIVE)
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0", until=LIVE)
     httpx.delete(f"{service.url}/v1/sessions/{visit.session}").raise_for_status()
     visit.wait_for("body.state === 'lost'")
     assert visit.page.get_by_role("button", name="Start a new one").is_visible()
@@ -75,8 +70,7 @@ def test_joined_session_stays_when_the_page_leaves(open_page: Open, service: Liv
 
 
 def test_unknown_scenario_is_explained(open_page: Open) -> None:
-    visit = open_page("scenario=lava_9d&renderer=canvas2d")
-    visit.wait_for("body.state === 'failed'")
+    visit = open_page("scenario=lava_9d&renderer=canvas2d", until="body.state === 'failed'")
     assert "could not be started" in (visit.page.get_by_role("alert").text_content() or "")
     assert "lava_9d" in (visit.page.locator(".toast").text_content() or "")
     visit.page.locator("#scenario").select_option("water_2d")

@@ -1,11 +1,11 @@
-"""The page at a first visit: it moves, a hand draws, the fluid follows."""
+"""The page at a first visit and with a preset: it moves, a hand draws, the fluid follows."""
 
 from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Page, Response, ViewportSize, expect
 
-from .conftest import Open
+from .conftest import LIVE, LiveService, Open
 
 pytestmark = pytest.mark.browser
 
@@ -31,8 +31,7 @@ def test_a_ghost_hand_draws_once_and_the_fluid_follows(open_page: Open, viewport
         page.add_init_script(_NOTE)
         page.on("response", lambda one: answers.append(one) if one.url.endswith("/sketches") else None)
 
-    visit = open_page(viewport=viewport, prepare=watch)
-    visit.wait_for("body.control === 'done'")
+    visit = open_page(viewport=viewport, prepare=watch, until="body.control === 'done'")
     assert visit.page.evaluate("noted.tools") == ["push", "oval", "push"]
     assert "Draw an oval like this, and the fluid follows" in visit.page.evaluate("noted.texts")
     (answer,) = answers
@@ -48,16 +47,14 @@ def test_a_ghost_hand_draws_once_and_the_fluid_follows(open_page: Open, viewport
 
 
 def test_a_touch_ends_the_ghost_hand(open_page: Open) -> None:
-    visit = open_page()
-    visit.wait_for("body.state === 'live'")
+    visit = open_page(until="body.state === 'live'")
     visit.page.keyboard.press("p")
     visit.wait_for("Number(body.frame) > 170")
     assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
 
 
 def test_an_address_with_a_scene_has_no_ghost_hand(open_page: Open) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0")
-    visit.wait_for("Number(body.frame) > 170")
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0", until="Number(body.frame) > 170")
     assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
 
 
@@ -66,8 +63,7 @@ def test_where_motion_is_reduced_nothing_starts_by_itself(open_page: Open, query
     def reduce_motion(page: Page) -> None:
         page.emulate_media(reduced_motion="reduce")
 
-    visit = open_page(query, prepare=reduce_motion)
-    visit.wait_for("body.state === 'live' && body.frame === '0'")
+    visit = open_page(query, prepare=reduce_motion, until="body.state === 'live' && body.frame === '0'")
     visit.page.wait_for_timeout(1500)
     assert (visit.frame, visit.value("playing"), visit.value("control")) == (0, "false", "idle")
     expect(visit.page.locator("#steer-text")).to_have_text("Paused. Drag through the fluid to push it")
@@ -84,16 +80,67 @@ def test_motion_waits_for_no_list_and_nothing_on_demand(open_page: Open, viewpor
         for name in ("models", "scenarios"):
             page.route(f"**/v1/{name}", lambda _: None)
 
-    visit = open_page("", viewport=viewport, prepare=hold_lists)
-    visit.wait_for("Number(body.frame) >= 5")
+    open_page("", viewport=viewport, prepare=hold_lists, until="Number(body.frame) >= 5")
     assert {"/v1/models", "/v1/scenarios", "/v1/sessions"} <= set(requested)
     assert not [path for path in requested if path.startswith(("/build/", "/gallery/", "/plan/", "/share/"))]
 
 
 def test_an_invalid_seed_is_reported(open_page: Open) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=-3")
-    visit.wait_for("Number(body.frame) > 0")
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=-3", until="Number(body.frame) > 0")
     toast = visit.page.locator(".toast")
     expect(toast).to_contain_text("Invalid seed in the address")
     expect(toast).to_contain_text('not "-3"')
     assert visit.page.locator("#seed").input_value() == "0"
+
+
+def test_the_address_of_the_preset_shows_it_on_load(open_page: Open, service: LiveService) -> None:
+    """Simulator, sketch, result, and the simulator after that."""
+    visit = open_page("renderer=canvas2d&preset=pipeline", until="body.state === 'live'")
+    # A hundredth and a tenth of real time, so that a busy machine sees each part.
+    visit.page.locator("#speed").fill("-2")
+    visit.wait_for("body.mode === 'neural'")
+    expect(visit.page.locator("#mode")).to_have_text("Network simulates")
+    assert visit.frame < 150
+    visit.page.locator("#speed").fill("-1")
+    visit.wait_for("body.control === 'following' && body.mode === 'mpm'")
+    expect(visit.page.locator("#mode")).to_have_text("MPM simulates")
+    expect(visit.page.locator("#steer-text")).to_have_text("Following the oval")
+    visit.wait_for("body.control === 'done'")
+    expect(visit.page.locator("#steer-text")).to_contain_text("% inside")
+    last = visit.frame
+    visit.wait_for(f"Number(body.frame) >= {last + 20}")
+    made = service.get(f"/v1/sessions/{visit.session}")
+    assert (made["scenario"], made["seed"], made["solver"]) == ("water_2d", 10, "hybrid")
+    assert "preset=pipeline" in visit.page.url
+
+
+def test_a_click_shows_it_on_a_phone_and_a_reset_shows_it_again(open_page: Open) -> None:
+    visit = open_page("renderer=canvas2d&scenario=sand_2d", viewport={"width": 390, "height": 844})
+    visit.wait_for(LIVE)
+    first = visit.session
+    visit.page.get_by_role("button", name="Watch the whole pipeline").click()
+    visit.wait_for(f"body.session !== '{first}' && body.control === 'following'")
+    assert visit.frame >= 150
+    visit.page.locator("#play").click()
+    visit.wait_for("body.playing === 'false'")
+    visit.press_until("r", "body.control === 'idle' && body.frame === '0'")
+    visit.page.locator("#play").click()
+    visit.wait_for("body.control === 'following'")
+    # Another scene has no sketch of its own.
+    second = visit.session
+    visit.page.get_by_label("Another seed").click()
+    visit.wait_for(f"body.session !== '{second}' && Number(body.frame) > 170")
+    assert visit.value("control") == "idle"
+    assert "preset" not in visit.page.url
+
+
+def test_a_stroke_of_ones_own_comes_before_that_of_the_preset(open_page: Open) -> None:
+    visit = open_page("renderer=canvas2d&preset=pipeline")
+    visit.wait_for("body.state === 'live' && Number(body.frame) >= 20")
+    visit.press_until("a", "body.tool === 'arrow'")
+    visit.drag([(0.3, 0.3), (0.6, 0.5)], release=False)
+    visit.wait_for("Number(body.frame) > 170")
+    assert visit.value("control") == "drawing"
+    visit.page.mouse.up()
+    visit.wait_for("body.control === 'following'")
+    expect(visit.page.locator("#steer-text")).to_have_text("Following the arrow")

@@ -1,16 +1,15 @@
 """The page's pure modules, run in the browser that will run them."""
 
 import base64
-import json
 import math
 import struct
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Error, Page
+from tests.python.control.hand_drawn import SKETCHES
 
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
 from hybridmpm.control import classify_stroke
@@ -48,21 +47,6 @@ def _decode(page: Page, message: bytes) -> Any:
 def _frame(magic: bytes = b"HMPM", version: int = 2, count: int = 2, dim: int = 3) -> bytes:
     header = struct.pack("<4sBBHQdIBBH", magic, version, 1, 1, 2**40 + 7, 0.125, count, dim, 1, 250)
     return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
-
-
-def test_frame_is_decoded_as_documented(page: Page) -> None:
-    frame = _decode(page, _frame())
-    assert frame == {
-        "frame": 2**40 + 7,
-        "time": 0.125,
-        "steered": True,
-        "solverMs": 2.5,
-        "count": 2,
-        "dim": 3,
-        "positions": [0, 1, 2, 65533, 65534, 65535],
-        "ids": None,
-        "types": None,
-    }
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 50])
@@ -112,28 +96,8 @@ def test_foreign_frame_is_refused(page: Page, message: bytes) -> None:
         _decode(page, message)
 
 
-def test_types_are_decoded(page: Page) -> None:
-    assert list(_call(page, "net/protocol.js", "decodeTypes", "BQYH")) == [5, 6, 7]
-    assert _call(page, "net/protocol.js", "decodeTypes", None) is None
-
-
-@pytest.mark.parametrize("turn", [0.0, 1.0, 4.0])
-def test_closed_strokes_are_ellipses_and_open_ones_arrows(page: Page, turn: float) -> None:
-    def arc(part: float, flat: float = 1.0) -> list[list[float]]:
-        angles = turn + np.linspace(0, part * 2 * math.pi, 40)
-        return [[0.5 + 0.1 * math.cos(a), 0.5 + flat * 0.1 * math.sin(a)] for a in angles]
-
-    assert _call(page, "sketch/sketch.js", "classify", arc(1.0)) == "ellipse"
-    assert _call(page, "sketch/sketch.js", "classify", arc(0.9)) == "ellipse"
-    assert _call(page, "sketch/sketch.js", "classify", arc(0.5)) == "arrow"
-    line = [[0.2 + 0.01 * i * math.cos(turn), 0.3 + 0.01 * i * math.sin(turn)] for i in range(30)]
-    assert _call(page, "sketch/sketch.js", "classify", line) == "arrow"
-    assert _call(page, "sketch/sketch.js", "classify", line + line[::-1]) == "arrow"
-
-
 def test_the_page_takes_free_strokes_for_what_the_library_takes_them_for(page: Page) -> None:
-    drawn = Path(__file__).parents[1] / "python" / "control" / "hand_drawn" / "sketches.json"
-    strokes = [entry["stroke"]["points"] for entry in json.loads(drawn.read_text(encoding="utf-8"))]
+    strokes = [drawn.stroke.points for drawn in SKETCHES]
     rng = np.random.default_rng(0)
     strokes += [np.cumsum(rng.normal(0, 0.02, (40, 2)), axis=0).clip(-0.5, 0.5) + 0.5 for _ in range(60)]
     script = """async (strokes) => {
@@ -188,14 +152,6 @@ def test_arrow_head_is_symmetric_about_the_shaft(page: Page) -> None:
     assert (left + right - 2 * tip) @ [0.8, -0.6] == pytest.approx(0, abs=1e-12)
 
 
-def test_stroke_widths_run_from_start_to_end(page: Page) -> None:
-    arrow = {"kind": "arrow", "points": [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]}
-    assert _call(page, "sketch/sketch.js", "strokeOf", arrow, [2, 20]) == arrow | {"widths": [2, 11, 20]}
-    assert _call(page, "sketch/sketch.js", "strokeOf", arrow, None) == arrow
-    oval = arrow | {"kind": "ellipse"}
-    assert _call(page, "sketch/sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
-
-
 def test_a_prediction_carries_the_centre_along_an_arrow_and_into_an_oval(page: Page) -> None:
     walls = {"lower": [0.1, 0.1], "upper": [0.9, 0.9]}
     arrow = {"kind": "arrow", "points": [[0.2, 0.2], [0.3, 0.25], [0.4, 0.4]], "widths": [2, 20]}
@@ -241,19 +197,6 @@ def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
         seen = page.evaluate(script, point)
         assert seen["projected"][:2] == pytest.approx(seen["screen"], abs=0.01)
         assert -1 < seen["depth"] < 1
-
-
-def test_front_view_gives_back_the_world_position(page: Page) -> None:
-    script = """async () => {
-      const { OrbitView } = await import("/stage/camera.js");
-      const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
-      view.size = 500;
-      view.glideTo(true, 0, true);
-      view.settle(Infinity);
-      const [px, py] = view.project([0.3, 0.8, 0.15]);
-      return view.unproject(px, py);
-    }"""
-    assert page.evaluate(script) == pytest.approx([0.3, 0.8])
 
 
 def test_speeds_follow_particles_that_come_and_go(page: Page) -> None:
@@ -310,8 +253,3 @@ def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Moti
     plane = placed(HalfSpaceObstacle(point=low, normal=tuple(normal), motion=motion))
     assert plane["point"] == pytest.approx(start, abs=1e-6)
     assert plane["normal"] == pytest.approx(end - start, abs=1e-6)
-
-
-def test_obstacles_at_rest_stay_as_they_are(page: Page) -> None:
-    ball = {"shape": "ball", "center": [0.3, 0.4], "radius": 0.1}
-    assert _call(page, "stage/motion.js", "placed", ball, 3.0) == ball

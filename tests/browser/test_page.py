@@ -14,17 +14,14 @@ from playwright.sync_api import Locator, expect
 
 import hybridmpm_service
 
-from .conftest import PATIENCE_MS, LiveService, Open
+from .conftest import LIVE, PATIENCE_MS, LiveService, Open
 
 pytestmark = pytest.mark.browser
-
-LIVE = "body.state === 'live' && Number(body.frame) > 0"
 
 
 @pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
 def test_water_moves_after_loading(open_page: Open, renderer: str) -> None:
-    visit = open_page(f"renderer={renderer}")
-    visit.wait_for(LIVE)
+    visit = open_page(f"renderer={renderer}", until=LIVE)
     assert visit.value("renderer") == renderer
     before, picture = visit.frame, visit.page.locator("#view").screenshot()
     visit.wait_for(f"Number(body.frame) > {before + 10}")
@@ -41,8 +38,7 @@ def test_empty_page_says_that_it_connects(open_page: Open) -> None:
 
 
 def test_pause_step_and_reset(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     visit.page.get_by_role("button", name="Pause").click()
     visit.wait_for("body.playing === 'false'")
     paused = service.get(f"/v1/sessions/{visit.session}")
@@ -59,8 +55,7 @@ def test_pause_step_and_reset(open_page: Open, service: LiveService) -> None:
 
 
 def test_keyboard_plays_pauses_steps_and_resets(open_page: Open) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")
     visit.press_until("r", "body.frame === '0'")
     visit.press_until(".", "body.frame === '1'")
@@ -72,16 +67,14 @@ def test_keyboard_plays_pauses_steps_and_resets(open_page: Open) -> None:
 
 
 def test_speed_slider_reaches_the_session(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     visit.page.locator("#speed").fill("-1")
     assert visit.page.locator("#speed-out").text_content() == "0.10\N{MULTIPLICATION SIGN} real time"
     visit.eventually(lambda: math.isclose(service.get(f"/v1/sessions/{visit.session}")["speed"], 0.1))
 
 
 def test_another_scenario_replaces_the_session(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     first = visit.session
     visit.page.locator("#seed").fill("7")
     visit.page.locator("#scenario").select_option("water_sand_2d")
@@ -93,8 +86,7 @@ def test_another_scenario_replaces_the_session(open_page: Open, service: LiveSer
 
 
 def test_leaving_the_page_deletes_the_session(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.wait_for(LIVE)
+    visit = open_page(until=LIVE)
     session = visit.session
     visit.page.goto("about:blank")
     visit.eventually(lambda: _is_gone(service, session))
@@ -102,8 +94,7 @@ def test_leaving_the_page_deletes_the_session(open_page: Open, service: LiveServ
 
 @pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
 def test_3d_scene_is_drawn_and_turns_under_the_mouse(open_page: Open, renderer: str) -> None:
-    visit = open_page(f"scenario=water_3d&seed=1&renderer={renderer}")
-    visit.wait_for(LIVE)
+    visit = open_page(f"scenario=water_3d&seed=1&renderer={renderer}", until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")
     assert visit.value("tool") == "orbit"
     before = visit.page.locator("#view").screenshot()

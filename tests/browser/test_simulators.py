@@ -7,11 +7,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from .conftest import LiveService, Open, Visit
+from .conftest import LIVE, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
-LIVE = "body.state === 'live' && Number(body.frame) > 0"
 FALL = "renderer=canvas2d&scenario=water_2d&seed=3"
 """Water falls freely, as the network has it, from frame 20 to frame 84."""
 _COUNT = """(canvas) => {
@@ -35,8 +34,7 @@ def service(model_folder: Path) -> Iterator[LiveService]:
 
 def _rewound(open_page: Open, query: str, **options: Any) -> Visit:
     """Open a page, paused at frame 0."""
-    visit = open_page(f"{FALL}&{query}", **options)
-    visit.wait_for(LIVE)
+    visit = open_page(f"{FALL}&{query}", **options, until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")
     visit.press_until("r", "body.frame === '0'")
     return visit
@@ -52,8 +50,7 @@ def _pixels(page: Page) -> dict[str, int]:
 
 
 def test_choosing_a_simulator_starts_a_session_of_it(open_page: Open, service: LiveService) -> None:
-    visit = open_page(FALL)
-    visit.wait_for(LIVE)
+    visit = open_page(FALL, until=LIVE)
     expect(visit.page.locator("#mode")).to_be_hidden()
     expect(visit.page.locator("#safeguard-numbers")).to_be_hidden()
     first = visit.session
@@ -112,8 +109,6 @@ def test_badge_and_chart_follow_the_session(
     # Nothing sticks out to the side, and the chart is as wide as its card.
     assert visit.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     chart, card = (visit.page.locator(name).bounding_box() for name in ("#strips", "#history"))
-    assert chart is not None
-    assert card is not None
     assert chart["width"] > 0.8 * card["width"]
 
 
@@ -121,8 +116,7 @@ def test_badge_and_chart_follow_the_session(
 def test_a_level_is_chosen_on_the_page(
     open_page: Open, service: LiveService, viewport: dict[str, int]
 ) -> None:
-    visit = open_page(f"{FALL}&coarse=1/16", viewport=viewport)
-    visit.wait_for(LIVE)
+    visit = open_page(f"{FALL}&coarse=1/16", viewport=viewport, until=LIVE)
     first = visit.session
     made = service.get(f"/v1/sessions/{first}")
     assert (made["solver"], made["coarse"], made["r_p"]) == ("mpm", "1/16", 1 / 16)
@@ -138,8 +132,7 @@ def test_a_level_is_chosen_on_the_page(
 
 
 def test_a_scenario_without_a_network_is_simulated_by_mpm(open_page: Open, service: LiveService) -> None:
-    visit = open_page(f"{FALL}&solver=hybrid")
-    visit.wait_for(f"{LIVE} && body.solver === 'hybrid'")
+    visit = open_page(f"{FALL}&solver=hybrid", until=f"{LIVE} && body.solver === 'hybrid'")
     first = visit.session
     visit.page.locator("#scenario").select_option("sand_2d")
     visit.wait_for(f"body.session !== '{first}' && {LIVE}")
@@ -150,17 +143,6 @@ def test_a_scenario_without_a_network_is_simulated_by_mpm(open_page: Open, servi
         "The material point method (MPM) simulates all particles. There is no network for this scenario."
     )
     expect(visit.page.locator("#mode")).to_be_hidden()
-
-
-def test_a_sketch_puts_mpm_in_the_networks_place(open_page: Open, service: LiveService) -> None:
-    visit = _rewound(open_page, "solver=hybrid")
-    service.advance(visit.session, 40)
-    visit.wait_for("body.mode === 'neural' && body.frame === '40'")
-    visit.press_until("a", "body.tool === 'arrow'")
-    visit.drag([(0.5, 0.4), (0.5, 0.5)])
-    visit.wait_for("body.control === 'following'")
-    visit.press_until(".", "body.frame === '41' && body.mode === 'mpm'")
-    expect(visit.page.locator("#decision-reason")).to_have_text("a sketch or a push steers")
 
 
 def test_a_failing_network_is_reported_with_a_remedy(open_page: Open, service: LiveService) -> None:

@@ -35,8 +35,7 @@ def _angle(a: list[float], b: list[float]) -> float:
 
 @pytest.mark.parametrize("arrow", [(0.14, 0.16), (-0.12, 0.2)])
 def test_fluid_follows_an_arrow(open_page: Open, service: LiveService, arrow: tuple[float, float]) -> None:
-    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
-    visit.pause_at(5)
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     start = service.get(f"/v1/sessions/{visit.session}")
     visit.press_until("a", "body.tool === 'arrow'")
     plan = _draw(visit, [(0.5, 0.4), (0.5 + arrow[0], 0.4 + arrow[1])])
@@ -74,8 +73,7 @@ def test_playing_fluid_goes_on_while_it_is_planned_for_and_is_steered_to_the_end
 def test_a_sketch_that_another_client_ends_disappears(open_page: Open, service: LiveService) -> None:
     received: list[Any] = []
     query = "scenario=water_2d&seed=0&renderer=canvas2d"
-    visit = open_page(query, prepare=lambda page: collect(page, "framereceived", received))
-    visit.pause_at(5)
+    visit = open_page(query, prepare=lambda page: collect(page, "framereceived", received), paused_at=5)
     visit.press_until("a", "body.tool === 'arrow'")
     _draw(visit, [(0.5, 0.4), (0.5, 0.6)])
     visit.wait_for("body.control === 'following'")
@@ -89,8 +87,7 @@ def test_a_sketch_that_another_client_ends_disappears(open_page: Open, service: 
 
 
 def test_fluid_fills_an_oval(open_page: Open, service: LiveService) -> None:
-    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
-    visit.pause_at(5)
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     visit.press_until("o", "body.tool === 'oval'")
     plan = _draw(visit, [(0.42, 0.42), (0.68, 0.62)])
     assert plan["sketch"]["kind"] == "ellipse"
@@ -103,8 +100,7 @@ def test_fluid_fills_an_oval(open_page: Open, service: LiveService) -> None:
 
 
 def test_a_goal_out_of_reach_is_said_in_words(open_page: Open) -> None:
-    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
-    visit.pause_at(5)
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     visit.press_until("a", "body.tool === 'arrow'")
     _draw(visit, [(0.2, 0.4), (0.85, 0.4)])
     expect(visit.page.locator(".toast")).to_contain_text("Out of reach")
@@ -142,8 +138,7 @@ def test_a_drag_pushes_the_fluid_as_long_as_it_is_held(open_page: Open, service:
 @pytest.mark.parametrize("points", [16, 19])
 def test_an_oval_may_be_traced_with_the_oval_tool(open_page: Open, points: int) -> None:
     """Once round, and 70 degrees beyond."""
-    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
-    visit.pause_at(5)
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     visit.press_until("o", "body.tool === 'oval'")
     circle = _circle((0.5, 0.5), 0.12)
     sketch = _draw(visit, circle + circle[1 : points - 15])["sketch"]
@@ -153,8 +148,7 @@ def test_an_oval_may_be_traced_with_the_oval_tool(open_page: Open, points: int) 
 
 
 def test_free_stroke_shows_its_guess_and_can_be_taken_back(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
-    visit.pause_at(3)
+    visit = open_page(paused_at=3)
     visit.press_until("f", "body.tool === 'free'")
     requests: list[str] = []
     visit.page.on("request", lambda sent: requests.append(sent.url))
@@ -173,18 +167,8 @@ def test_free_stroke_shows_its_guess_and_can_be_taken_back(open_page: Open, serv
     assert service.get(f"/v1/sessions/{visit.session}")["control"] is None
 
 
-def test_free_stroke_is_sent_as_what_it_looks_like(open_page: Open) -> None:
-    visit = open_page()
-    visit.pause_at(3)
-    visit.press_until("f", "body.tool === 'free'")
-    assert _draw(visit, _circle((0.5, 0.5), 0.12))["sketch"]["kind"] == "ellipse"
-    visit.wait_for("body.control === 'following'")
-    assert _draw(visit, [(0.4, 0.4), (0.45, 0.5), (0.55, 0.55)])["sketch"]["kind"] == "arrow"
-
-
 def test_wrong_guess_can_be_switched(open_page: Open) -> None:
-    visit = open_page()
-    visit.pause_at(3)
+    visit = open_page(paused_at=3)
     visit.press_until("f", "body.tool === 'free'")
     almost_closed = _circle((0.5, 0.5), 0.12)[:15]
     with visit.page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
@@ -194,8 +178,7 @@ def test_wrong_guess_can_be_switched(open_page: Open) -> None:
 
 
 def test_click_is_not_a_sketch(open_page: Open) -> None:
-    visit = open_page()
-    visit.pause_at(3)
+    visit = open_page(paused_at=3)
     visit.press_until("a", "body.tool === 'arrow'")
     visit.drag([(0.5, 0.5), (0.503, 0.5)])
     visit.wait_for("body.control === 'idle'")
@@ -220,8 +203,7 @@ def test_stroke_widths_mean_depth_in_3d(open_page: Open, service: LiveService) -
 
 
 def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: Open) -> None:
-    visit = open_page()
-    visit.pause_at(3)
+    visit = open_page(paused_at=3)
     problem = {
         "title": "The sketch is refused",
         "status": 422,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Route, ViewportSize, expect
 
-from .conftest import LiveService, Open, Visit, collect
+from .conftest import LIVE, LiveService, Open, Visit, collect
 
 pytestmark = pytest.mark.browser
 
@@ -52,8 +52,7 @@ def _painted(visit: Visit, color: tuple[int, int, int]) -> int:
 
 @pytest.mark.parametrize("viewport", [SIZES[0], SIZES[-1]], ids=["desktop", "phone"])
 def test_each_tool_does_what_it_says(open_page: Open, service: LiveService, viewport: ViewportSize) -> None:
-    visit = open_page(WATER, viewport=viewport)
-    visit.pause_at(5)
+    visit = open_page(WATER, viewport=viewport, paused_at=5)
     assert visit.value("tool") == "push"
     # A push starts the player.
     visit.drag([(0.3, 0.4), (0.5, 0.4)], release=False)
@@ -82,8 +81,7 @@ def test_each_tool_does_what_it_says(open_page: Open, service: LiveService, view
 def test_strength_duration_and_hold_go_with_the_sketch_and_the_hand(open_page: Open) -> None:
     sent: list[dict[str, Any]] = []
 
-    visit = open_page(WATER, prepare=lambda page: collect(page, "framesent", sent))
-    visit.pause_at(5)
+    visit = open_page(WATER, prepare=lambda page: collect(page, "framesent", sent), paused_at=5)
     expect(visit.page.locator("#duration-out")).to_have_text("as needed")
     expect(visit.page.locator("#hold-out")).to_have_text("none")
     visit.page.locator("#strength").fill("50")
@@ -103,8 +101,7 @@ def test_strength_duration_and_hold_go_with_the_sketch_and_the_hand(open_page: O
 
 
 def test_the_picture_plays_on_beside_a_prediction_while_a_sketch_is_planned(open_page: Open) -> None:
-    visit = open_page(WATER)
-    visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
+    visit = open_page(WATER, until="body.state === 'live' && Number(body.frame) > 5")
     held: list[Route] = []
     visit.page.route("**/sketches", lambda route: held.append(route))  # noqa: PLW0108 - Playwright marks it
     _choose(visit, "Arrow")
@@ -123,8 +120,7 @@ def test_the_picture_plays_on_beside_a_prediction_while_a_sketch_is_planned(open
 
 
 def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> None:
-    visit = open_page(WATER)
-    visit.pause_at(5)
+    visit = open_page(WATER, paused_at=5)
     _choose(visit, "Arrow")
     _answered(visit, [(0.45, 0.4), (0.55, 0.55)])
     visit.wait_for("body.control === 'following'")
@@ -141,8 +137,7 @@ def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> No
 
 @pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
 def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
-    visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1")
-    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1", until=LIVE)
     for size, side in zip((*SIZES, ON_ITS_SIDE), (770, 510, 600, 390, 340), strict=True):
         visit.page.set_viewport_size(size)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]

@@ -12,8 +12,6 @@ from hybridmpm import SOLVER_VERSION, ConfigError, _native
 
 def _load() -> ModuleType:
     spec = importlib.util.spec_from_file_location("golden_digests", Path(__file__).with_name("digests.py"))
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -1,10 +1,17 @@
-"""The documents: their length, their links, and the weight of what they show."""
+"""The documents: their length, their links, the weight of what they show, and versions as in the code."""
 
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from hybridmpm import SOLVER_VERSION, MpmSolver, _core, scenarios, snapshots
+from hybridmpm.control import guidance
+from hybridmpm.hybrid import simulator as hybrid
+from hybridmpm.mpm import stepper
+from hybridmpm.physics import simulator as physics
+from hybridmpm.planner import auto
 
 ROOT = Path(__file__).parents[2]
 LENGTHS = {"README.md": 90, "ARCHITECTURE.md": 100, "CHANGELOG.md": 35}
@@ -79,3 +86,52 @@ def test_every_file_of_the_documents_is_named_somewhere() -> None:
     texts = [(ROOT / file).read_text("utf-8") for file in tracked() if file.suffix in readers]
     shown = [file for file in tracked("docs") if file.suffix not in {".md", ".ipynb"}]
     assert [str(file) for file in shown if not any(file.name in text for text in texts)] == []
+
+
+PAGE = ROOT / "docs" / "reference" / "snapshots.md"
+MAGIC = re.compile(r"HMPM[A-Z]{4}")
+
+
+def expected() -> dict[str, str]:
+    """Return the version of each format by its magic; without a number where the format has none."""
+    solver = MpmSolver(scenarios.water_2d(0), r_p=1 / 16, show_all=True)
+    joint = solver.snapshot()
+    mpm, shown = stepper._parted(joint)
+    assert int.from_bytes(mpm[8:12], "little") == _core.SNAPSHOT_VERSION
+    assert int.from_bytes(mpm[12:16], "little") == SOLVER_VERSION
+    assert int.from_bytes(shown[8:12], "little") == _core.UPSAMPLER_VERSION
+    versions = {
+        snapshots.MAGIC: snapshots.VERSION,
+        mpm[:8]: _core.SNAPSHOT_VERSION,
+        shown[:8]: _core.UPSAMPLER_VERSION,
+        physics._MAGIC: physics._VERSION,
+        hybrid._MAGIC: hybrid._VERSION,
+        auto._MAGIC: auto._VERSION,
+        guidance._MAGIC: guidance._VERSION,
+    }
+    return {magic.decode(): str(version) for magic, version in versions.items()} | {
+        joint[:8].decode(): "none"
+    }
+
+
+def rows(title: str) -> list[list[str]]:
+    """Return the cells of the table below a title of the page."""
+    text = PAGE.read_text(encoding="utf-8").split(f"## {title}\n", 1)[1].split("\n## ", 1)[0]
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def test_the_table_of_formats_is_that_of_the_code() -> None:
+    assert {magic: version for _, magic, version in rows("Versions of formats")} == expected()
+
+
+def test_no_format_of_the_code_is_missing() -> None:
+    sources = [*ROOT.glob("python/hybridmpm/**/*.py"), *ROOT.glob("rust/**/*.rs")]
+    found = {magic for file in sources for magic in MAGIC.findall(file.read_text(encoding="utf-8"))}
+    assert found == set(expected())
+
+
+def test_each_version_of_the_solver_has_its_row() -> None:
+    assert [row[0] for row in rows("Versions of the solver")] == [
+        str(number) for number in range(1, SOLVER_VERSION + 1)
+    ]

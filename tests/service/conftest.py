@@ -225,19 +225,14 @@ def path(service: Service) -> Iterator[str]:
     service.http.delete(made)
 
 
-@pytest.fixture
-def problem() -> Callable[..., dict[str, Any]]:
-    """Return a check that an answer is a problem with a status; it returns the problem."""
-
-    def check(answer: httpx.Response, status: int) -> dict[str, Any]:
-        assert answer.status_code == status, answer.text
-        assert answer.headers["content-type"] == "application/problem+json"
-        body: dict[str, Any] = answer.json()
-        assert body["status"] == status
-        assert body["type"].startswith("urn:hybridmpm:problem:")
-        assert body["title"]
-        assert body["detail"]
-        assert body["instance"] == answer.request.url.path
-        return body
-
-    return check
+def problem(answer: httpx.Response, status: int) -> dict[str, Any]:
+    """Check that an answer is a problem with a status, and return the problem."""
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    body: dict[str, Any] = answer.json()
+    assert body["status"] == status
+    assert body["type"].startswith("urn:hybridmpm:problem:")
+    assert body["title"]
+    assert body["detail"]
+    assert body["instance"] == answer.request.url.path
+    return body

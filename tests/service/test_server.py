@@ -1,18 +1,22 @@
-"""Starting and stopping, as an operator sees it."""
+"""Settings, starting and stopping, as an operator sees them."""
 
+import importlib.util
 import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import httpx
 import pytest
 
+from hybridmpm import ConfigError
 from hybridmpm_service import ServeError, Settings, serve, server
 from hybridmpm_service.server import with_files
 
@@ -62,13 +66,6 @@ def test_an_address_that_others_can_reach_is_warned_of(
     assert "listens on" in told.out
 
 
-def test_help_names_every_setting() -> None:
-    done = _run("--help")
-    assert done.returncode == 0
-    for flag in ("--host", "--port", "--max-sessions", "--idle-seconds", "--cors-origins"):
-        assert flag in done.stdout
-
-
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 130)])
 def test_a_signal_ends_the_process_in_order(sent: signal.Signals, status: int) -> None:
     with subprocess.Popen(
@@ -78,9 +75,7 @@ def test_a_signal_ends_the_process_in_order(sent: signal.Signals, status: int) -
         text=True,
     ) as process:
         try:
-            assert process.stdout is not None
             address = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
-            assert address is not None
             with httpx.Client(base_url=address.group(), timeout=WAIT_SECONDS) as client:
                 assert client.post("/v1/sessions", json={"scenario": "water_2d"}).status_code == 201
             process.send_signal(sent)
@@ -152,3 +147,77 @@ def test_connections_fit_the_files_of_the_process(
     limits[:] = [64, 64]
     with pytest.raises(ServeError, match="may open 64"):
         with_files(Settings())
+
+
+def test_flags_win_over_the_environment_and_this_over_defaults() -> None:
+    environment = {"HYBRIDMPM_PORT": "9000", "HYBRIDMPM_MAX_SESSIONS": "3", "PORT": "1"}
+    settings = Settings.load(environment, port=9001, host=None)
+    assert (settings.port, settings.max_sessions, settings.host) == (9001, 3, "127.0.0.1")
+
+
+def test_lists_are_separated_by_commas() -> None:
+    settings = Settings.load({"HYBRIDMPM_CORS_ORIGINS": "https://a.example, https://b.example"})
+    assert settings.cors_origins == ("https://a.example", "https://b.example")
+
+
+@pytest.mark.parametrize(
+    ("environment", "flags", "message"),
+    [
+        ({"HYBRIDMPM_PORT": "70000"}, {}, "HYBRIDMPM_PORT.*less than or equal to 65535.*70000"),
+        ({"HYBRIDMPM_MAX_SESSIONS": "many"}, {}, "HYBRIDMPM_MAX_SESSIONS"),
+        ({}, {"port": -1}, "--port.*greater than or equal to 0"),
+        ({}, {"idle_seconds": float("nan")}, "--idle-seconds"),
+        ({}, {"colour": "red"}, "--colour"),
+    ],
+)
+def test_bad_settings_are_refused_by_name_and_range(
+    environment: dict[str, str], flags: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Settings.load(environment, **flags)
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback"),
+    [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("example.org", False)],  # noqa: S104
+)
+def test_only_loopback_restricts_host_names_by_itself(*, host: str, loopback: bool) -> None:
+    assert Settings(host=host).is_loopback is loopback
+    assert (Settings(host=host).hosts is not None) is loopback
+    assert Settings(host=host, allowed_hosts=("a.example",)).hosts == ("a.example",)
+
+
+def test_the_document_tells_every_setting_with_its_default() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "http-api.md").read_text(encoding="utf-8")
+    section = text.partition("## Settings")[2]
+    rows = [line for line in section.splitlines() if line.startswith("|")]
+    for name, field in Settings.model_fields.items():
+        (row,) = [line for line in rows if f"`{name}`" in line]
+        if isinstance(field.default, int) and not name.endswith("_bytes"):
+            assert str(field.default) in row
+
+
+SERVICE = Path(__file__).parents[2] / "service"
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("hatchling") is None, reason="needs the build backend: pip install hatchling"
+)
+def test_the_wheel_carries_the_page_and_every_module(tmp_path: Path) -> None:
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)],
+        cwd=SERVICE,
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    package = SERVICE / "hybridmpm_service"
+    expected = {
+        str(file.relative_to(SERVICE))
+        for file in package.rglob("*")
+        if file.is_file() and "__pycache__" not in file.parts
+    }
+    assert names == expected
+    assert "hybridmpm_service/page/index.html" in names

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LiveService, Open, Visit
+from tests.browser.conftest import LIVE, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -29,8 +29,7 @@ def _violations(visit: Visit) -> list[str]:
 @pytest.mark.parametrize("width", [1100, 390])
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, scheme: str) -> None:
-    visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844})
-    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844}, until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")
     assert _violations(visit) == []
     visit.page.get_by_role("button", name="Find a method").click()
@@ -67,8 +66,7 @@ def test_the_scheme_follows_the_system_and_the_user(open_page: Open, service: Li
 
 
 def test_forced_colours_keep_what_is_chosen_in_sight(open_page: Open, service: LiveService) -> None:
-    visit = open_page(SCENE)
-    visit.wait_for("body.state === 'live'")
+    visit = open_page(SCENE, until="body.state === 'live'")
     visit.page.emulate_media(forced_colors="active")
     chosen = visit.page.get_by_role("radio", name="Push")
     other = visit.page.get_by_role("radio", name="Arrow")

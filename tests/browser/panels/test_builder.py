@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import Locator, expect
-from tests.browser.conftest import LiveService, Open, Visit
+from tests.browser.conftest import LIVE, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -14,7 +14,7 @@ Point = tuple[float, float]
 def _builder(open_page: Open, width: int = 1100) -> Visit:
     """Open the page and the dialog, with an empty box in it."""
     visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
-    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit.wait_for(LIVE)
     visit.page.get_by_role("button", name="Build").click()
     # It begins with the scene that is shown.
     expect(_things(visit)).to_have_count(2)
@@ -34,7 +34,6 @@ def _press(visit: Visit, kind: str) -> None:
 def _pixel(visit: Visit, point: Point) -> Point:
     """Return where a point lies on the screen: the walls are at 0.1 and 0.9, in a margin of 4 %."""
     box = visit.page.locator("#build-picture").bounding_box()
-    assert box is not None
     scale = box["width"] * 0.92 / 0.8
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     return middle[0] + (point[0] - 0.5) * scale, middle[1] - (point[1] - 0.5) * scale

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LiveService, Open, Visit
+from tests.browser.conftest import LIVE, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -13,8 +13,7 @@ SCENE = "renderer=canvas2d&scenario=water_2d&seed=3"
 
 def _on_stage(open_page: Open, query: str = SCENE, **options: Any) -> Visit:
     """Open a page and walk to the picture with the Tab key."""
-    visit = open_page(query, **options)
-    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit = open_page(query, **options, until=LIVE)
     for _ in range(12):
         visit.page.keyboard.press("Tab")
         if visit.page.evaluate("document.activeElement.id") == "overlay":

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import expect
-from tests.browser.conftest import LiveService, Open, Visit
+from tests.browser.conftest import LIVE, LiveService, Open, Visit
 
 from hybridmpm import MpmSolver, Scene
 
@@ -56,8 +56,7 @@ def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, wi
     link = _copied(visit, "Copy link")
     log = service.get(f"/v1/sessions/{visit.session}/log")
     assert log["inputs"]
-    other = open_page("")
-    other.wait_for("body.state === 'live'")
+    other = open_page("", until="body.state === 'live'")
     other.page.goto(link)  # which changes the part behind the # alone
     other.wait_for(f"body.state === 'live' && Number(body.frame) === {log['frame']}")
     expect(other.page.locator("#toasts")).to_contain_text("Computed again with the same bits")
@@ -152,5 +151,5 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     banner = viewer.page.locator("#banner")
     expect(banner).to_contain_text("This simulation has ended.")
     banner.get_by_role("button").click()
-    viewer.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    viewer.wait_for(LIVE)
     expect(viewer.page.get_by_role("button", name="New simulation")).to_be_visible()

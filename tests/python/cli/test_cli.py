@@ -17,6 +17,8 @@ from click.testing import CliRunner, Result
 from hybridmpm import BallObstacle, Box, MpmSolver, Scene, SceneError, __version__, scenarios
 from hybridmpm.cli import cli
 
+MODULE = [sys.executable, "-m", "hybridmpm"]
+
 
 def run(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(argument) for argument in arguments], prog_name="hybridmpm")
@@ -84,8 +86,6 @@ def test_substep_rules(scene_file: Path, rule: str) -> None:
         (["simulate", "water_2d", "--scene", "FILE"], "Give a scenario"),
         (["simulate", "lava"], "scenario: must be one of water_2d, "),
         (["simulate", "water_2d", "--seed", "-1"], "seed: must be a whole number in [0, 9007199254740991]"),
-        (["simulate", "water_2d", "--seed", "x"], "'x' is not a valid integer"),
-        (["simulate", "water_2d", "--frames", "-1"], "-1 is not in the range"),
         (["simulate", "water_2d", "--substeps", "fast"], "none of cfl, reference or a whole number"),
         (["simulate", "water_2d", "--substeps", "0"], "substeps must be in [1, 20000], got 0"),
         (["simulate", "water_2d", "--out", "a.txt"], "--out: output files end in .gif"),
@@ -93,7 +93,6 @@ def test_substep_rules(scene_file: Path, rule: str) -> None:
         (["simulate", "--scene", "absent.json"], "File 'absent.json' does not exist"),
         (["simulate", "--speed", "0"], "--speed"),
         (["simulate", "--frmes", "3"], "--frmes"),
-        (["simulat"], "No such command 'simulat'"),
         (["serve", "--port", "65536"], "--port"),
     ],
 )
@@ -109,7 +108,6 @@ def test_bad_input_is_one_line_and_status_2(arguments: list[str], message: str, 
             "bodies[0]: must lie inside the walls",
         ),
         ("{", "the scene is not JSON"),
-        ("[]", "Scene must be an object"),
     ],
 )
 def test_bad_scene_file(tmp_path: Path, text: str, message: str) -> None:
@@ -123,35 +121,12 @@ def test_a_run_that_fails_is_status_1(scene_file: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "a.npz").exists()
 
 
-def test_interrupt_is_status_130(scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_arguments: object, **_options: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(MpmSolver, "advance", interrupted)
-    result = run("simulate", "--scene", scene_file, "--out", tmp_path / "a.npz")
-    assert result.exit_code == 130
-    assert "Interrupted" in result.stderr
-    assert "Traceback" not in result.output
-    assert [file.name for file in tmp_path.iterdir()] == ["drop.yaml"]
-
-
 def test_interrupt_of_the_real_command(tmp_path: Path) -> None:
     """A signal during a long run: status 130 and no file, neither whole nor torn."""
-    command = [
-        sys.executable,
-        "-m",
-        "hybridmpm",
-        "simulate",
-        "sand_3d",
-        "--frames",
-        "100000",
-        "--every",
-        "500",
-    ]
+    command = [*MODULE, "simulate", "sand_3d", "--frames", "100000", "--every", "500"]
     with subprocess.Popen(
         [*command, "--out", tmp_path / "a.npz"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
         assert process.stderr.readline().startswith("Simulating")
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=120)
@@ -163,11 +138,10 @@ def test_interrupt_of_the_real_command(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("number", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 def test_an_interrupted_run_is_saved_and_goes_on(number: str, status: int, tmp_path: Path) -> None:
     state = tmp_path / "state"
-    command = [sys.executable, "-m", "hybridmpm", "simulate", "water_2d", "--frames", "100000"]
+    command = [*MODULE, "simulate", "water_2d", "--frames", "100000"]
     with subprocess.Popen(
         [*command, "--save", state], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
         assert process.stderr.readline().startswith("Simulating")
         process.send_signal(getattr(signal, number))
         output, errors = process.communicate(timeout=120)
@@ -183,13 +157,9 @@ def test_an_interrupted_run_is_saved_and_goes_on(number: str, status: int, tmp_p
 
 def test_installed_command_and_module_agree(tmp_path: Path) -> None:
     installed = Path(sys.executable).with_name("hybridmpm")
-    for command in ([installed], [sys.executable, "-m", "hybridmpm"]):
+    for command in ([installed], MODULE):
         done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
         assert done.stdout == f"hybridmpm, version {__version__}\n"
-    failed = subprocess.run([installed, "simulate", "lava"], capture_output=True, text=True, check=False)
-    assert failed.returncode == 2
-    assert failed.stderr.startswith("Error: scenario: must be one of")
-    assert failed.stderr.count("\n") == 1
     outside = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     elsewhere = subprocess.run(
         [installed, "schema"], capture_output=True, text=True, check=True, cwd=tmp_path, env=outside
@@ -201,9 +171,7 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
     program = "import sys; from hybridmpm.cli import main; sys.argv[1:] = ['schema']\ntry: main()\n"
     program += "finally: print(*(name for name in sys.modules if name.startswith('hybridmpm.cli.')))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert set(done.stdout.splitlines()[-1].split()) == {
-        "hybridmpm.cli.report",
-    }
+    assert set(done.stdout.splitlines()[-1].split()) == {"hybridmpm.cli.report"}
 
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
@@ -366,18 +334,7 @@ def test_warnings_are_one_line(tmp_path: Path) -> None:
     body = Box(material="water", lower=(0.4, 0.4), upper=(0.6, 0.6))
     thin = BallObstacle(center=(0.5, 0.3), radius=0.01)
     Scene(dim=2, resolution=32, bodies=(body,), obstacles=(thin,)).save(tmp_path / "thin.yaml")
-    command = [
-        sys.executable,
-        "-m",
-        "hybridmpm",
-        "simulate",
-        "--scene",
-        tmp_path / "thin.yaml",
-        "--frames",
-        "1",
-        "--save",
-        tmp_path / "state.hmpm",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    options = ["--scene", tmp_path / "thin.yaml", "--frames", "1", "--save", tmp_path / "state.hmpm"]
+    done = subprocess.run([*MODULE, "simulate", *options], capture_output=True, text=True, check=True)
     assert done.stderr.startswith("Warning: obstacles[0] (ball) is 0.02 m thick")
     assert done.stderr.splitlines()[1].startswith("Simulating")

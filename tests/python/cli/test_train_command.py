@@ -108,10 +108,7 @@ def test_what_does_not_fit_is_refused(train: Train, tmp_path: Path) -> None:
             "has --latent 4, not 8; leave it out or leave out --finetune",
         ),
         (("--scenario", "water_2d", "--noise", 2, "--out", tmp_path / "new"), "2.0 is not in the range"),
-        (
-            ("--scenario", "water_2d", "--scenario", "water_3d", "--out", tmp_path / "new"),
-            "of one dimension",
-        ),
+        (("--scenario", "water_2d", "--scenario", "water_3d", "--out", tmp_path / "new"), "of one dimension"),
     ]
     for arguments, message in cases:
         result = train(*arguments)

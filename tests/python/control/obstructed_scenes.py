@@ -35,9 +35,7 @@ def obstructed(seed: int, kind: str, dim: int) -> tuple[MpmSolver, Arrow]:
         solid = block((edge, floor - 0.02), (edge + thick, 0.9))
         tip[1], middle[1] = uniform(0.5, 0.75), floor + size[1] / 2
     body = Box(
-        material=material,
-        lower=(left, floor, 0.4)[:dim],
-        upper=(left + size[0], floor + size[1], 0.56)[:dim],
+        material=material, lower=(left, floor, 0.4)[:dim], upper=(left + size[0], floor + size[1], 0.56)[:dim]
     )
     solver = MpmSolver(Scene(dim=dim, resolution=64 if dim == 2 else 32, bodies=[body], obstacles=[solid]))
     solver.advance(0 if kind == "hanging wall" else 60)

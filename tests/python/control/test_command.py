@@ -68,8 +68,6 @@ def test_the_hybrid_runs_is_led_and_goes_on_by_its_own_rules(folder: Path) -> No
     ]
     # Two windows of accelerations, and one of calm; the reason is the log's.
     waiting, again = (re.fullmatch(r"frames (\d+) to (\d+): (.*)", line) for line in lines[3:5])
-    assert waiting is not None
-    assert again is not None
     assert waiting[3] == "MPM, still since frame 30"
     assert again[3].startswith("free fall, calm ")
     assert 90 < int(again[1]) <= 155

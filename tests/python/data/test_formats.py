@@ -251,51 +251,32 @@ def test_crc32c() -> None:
     assert crc32c(bytes(range(32))) == 0x46DD794E
 
 
-def damaged_tfrecord(kind: str) -> bytes:  # noqa: PLR0911 - one return a kind
-    good = tfrecords.record(tfrecords.example(tfrecords.particles(5)))
-    two = good + tfrecords.record(tfrecords.example(tfrecords.particles(4)))
-    match kind:
-        case "cut":
-            return two[:-20]
-        case "length":
-            return two[: len(good)] + b"\x01" + two[len(good) + 1 :]
-        case "frames":
-            return tfrecords.record(tfrecords.example(tfrecords.particles(5, frames=6)))
-        case "no message":
-            return tfrecords.record(b"\xff" * 40)
-        case "key":
-            return tfrecords.record(
-                tfrecords.example(tfrecords.particles(5)).replace(b"position", b"pos1tion")
-            )
-        case "int32":
-            one = tfrecords.particles(5)
-            short = dataclasses.replace(one, types=one.types.astype(np.int32))
-            return tfrecords.record(tfrecords.example(short, frames=one.positions))
-        case "mixed":
-            return tfrecords.record(
-                tfrecords.example(
-                    tfrecords.particles(5), frames=[*tfrecords.particles(5).positions[:3], X[0]]
-                )
-            )
-    raise AssertionError(kind)
+FIVE, FOUR = tfrecords.particles(5), tfrecords.particles(4)
+GOOD = tfrecords.record(tfrecords.example(FIVE))
+SHORT = dataclasses.replace(FIVE, types=FIVE.types.astype(np.int32))
+RENAMED = tfrecords.example(FIVE).replace(b"position", b"pos1tion")
+BAD_RECORDS = {
+    r"train\.tfrecord: record 1 is cut off": (GOOD + tfrecords.record(tfrecords.example(FOUR)))[:-20],
+    "record 1 is damaged: the checksum of its length does not match": GOOD + b"\x01" + GOOD[1:],
+    r"record 0: position must have sequence_length \+ 1 = 4 frames, .* got 6": tfrecords.record(
+        tfrecords.example(tfrecords.particles(5, frames=6))
+    ),
+    "record 0 is damaged or no SequenceExample": tfrecords.record(b"\xff" * 40),
+    "record 0: the key position is missing; the record holds pos1tion": tfrecords.record(RENAMED),
+    "record 0: particle_type must be int64, .* 5 particles are int32": tfrecords.record(
+        tfrecords.example(SHORT, frames=FIVE.positions)
+    ),
+    "record 0: position must hold 5 particles in every frame, got 3, 5": tfrecords.record(
+        tfrecords.example(FIVE, frames=[*FIVE.positions[:3], X[0]])
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("cut", r"train\.tfrecord: record 1 is cut off"),
-        ("length", r"record 1 is damaged: the checksum of its length does not match"),
-        ("frames", r"record 0: position must have sequence_length \+ 1 = 4 frames, .* got 6"),
-        ("no message", r"record 0 is damaged or no SequenceExample"),
-        ("key", r"record 0: the key position is missing; the record holds pos1tion"),
-        ("int32", r"record 0: particle_type must be int64, .* 5 particles are int32"),
-        ("mixed", r"record 0: position must hold 5 particles in every frame, got 3, 5"),
-    ],
-)
-def test_bad_tfrecords(tmp_path: Path, kind: str, message: str) -> None:
+@pytest.mark.parametrize("message", BAD_RECORDS)
+def test_bad_tfrecords(tmp_path: Path, message: str) -> None:
     about = {"bounds": [[0, 1], [0, 1]], "dim": 2, "dt": 1, "sequence_length": 3}
     (tmp_path / "metadata.json").write_text(json.dumps({**about, "default_connectivity_radius": 0.03}))
-    (tmp_path / "train.tfrecord").write_bytes(damaged_tfrecord(kind))
+    (tmp_path / "train.tfrecord").write_bytes(BAD_RECORDS[message])
     with pytest.raises(DataError, match=message):
         trajectories(tmp_path, "train", "deepmind")
 

@@ -26,14 +26,7 @@ def lattice(lower: list[float], upper: list[float], resolution: int) -> npt.NDAr
 
 @pytest.mark.parametrize(
     ("material", "dim"),
-    [
-        ("water", 2),
-        ("sand", 2),
-        ("elastic", 2),
-        ("water", 3),
-        ("sand", 3),
-        ("elastic", 3),
-    ],
+    [("water", 2), ("sand", 2), ("elastic", 2), ("water", 3), ("sand", 3), ("elastic", 3)],
 )
 def test_a_block_keeps_its_velocity_across_ten_cells(build: Build, material: str, dim: int) -> None:
     """Linear kernels push particles that cross a cell's edge (Steffen et al. 2008), quadratic ones do not."""

@@ -2,27 +2,18 @@
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner, Result
 from tests.python.hybrid.scripted import Scripted
 
-from hybridmpm import (
-    BallSink,
-    Box,
-    BoxObstacle,
-    ConfigError,
-    ForceError,
-    Motion,
-    MpmSolver,
-    Scene,
-    metrics,
-    scenarios,
-)
+from hybridmpm import BallSink, Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, metrics, scenarios
+from hybridmpm.cli import cli
 from hybridmpm.errors import GraphSizeError, NonFiniteError
-from hybridmpm.hybrid import GUARDS, Density, HybridSimulator
-from hybridmpm.recording import record
+from hybridmpm.hybrid import GUARDS, Density, HybridSimulator, StepCounts
 
 Make = Callable[..., Any]
 WARM_UP = 5
@@ -237,25 +228,6 @@ def test_switches_are_bounded_by_the_wait(fall: Scene, fake: Make) -> None:
             assert inside <= 2 * 100 / wait
 
 
-def test_it_can_be_recorded_copied_and_reset(fall: Scene, fake: Make) -> None:
-    sim = HybridSimulator(fall, fake("fall", r_p=0.5, r_t=2))
-    recording = record(sim, 61, every=10)
-    assert recording.positions.shape == (8, sim.particle_count, 2)
-    assert (recording.types == 5).all()
-    assert recording.mass.sum() == pytest.approx(0.125**2 * 1000)
-    twin = sim.copy()
-    sim.advance(30)
-    assert (twin.frame, sim.frame) == (61, 91)
-    twin.advance(30)
-    np.testing.assert_array_equal(twin.positions, sim.positions)
-    assert twin.log == sim.log
-    assert sim.diagnostics().mass == pytest.approx(0.125**2 * 1000)
-    sim.reset()
-    assert (sim.frame, sim.time, sim.mode, sim.log, sim.safeguard) == (0, 0.0, "mpm", (), None)
-    sim.advance(91)
-    np.testing.assert_array_equal(sim.positions, twin.positions)
-
-
 def test_between_steps_diagnostics_are_those_of_the_state_shown(drop: Scene, fake: Make) -> None:
     sim = HybridSimulator(drop, fake("fall", r_t=2))
     sim.advance(21)
@@ -302,10 +274,6 @@ def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None
     sim = HybridSimulator(fall, fake("fall", r_t=2))
     with pytest.raises(ConfigError, match="frames must be in"):
         sim.advance(-1)
-    with pytest.raises(ForceError, match=r"have shape \(2,\), \(256, 2\) or \(3, 256, 2\), or be a function"):
-        sim.advance(3, np.zeros((5, 2)))
-    with pytest.raises(ForceError, match="force must be finite"):
-        sim.advance(1, np.full((256, 2), np.nan))
     sim.advance(12)
     wrong = HybridSimulator(fall, fake(lambda history, _: history[-1][:5]), shortcuts=False)
     with pytest.raises(ConfigError, match=r"must answer positions of shape \(256, 2\), got \(5, 2\)"):
@@ -314,3 +282,126 @@ def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None
 
 def test_guards_are_listed_by_their_names() -> None:
     assert [guard.name for guard in GUARDS.values()] == list(GUARDS)
+
+
+def test_free_fall_is_answered_without_the_network(fall: Scene, fake: Make) -> None:
+    network = fake("nan", r_t=2)
+    sim = HybridSimulator(fall, network)
+    sim.advance(60)
+    assert network.calls == []
+    assert (sim.mode, sim.step_counts) == ("neural", StepCounts(free_fall=50))
+    mpm = MpmSolver(fall)
+    mpm.advance(60)
+    assert np.abs(sim.positions - mpm.positions).max() < 1e-4
+    assert np.abs(sim.velocities - mpm.velocities).max() < 0.01
+
+
+def test_what_touches_anything_does_not_fall_freely(fake: Make) -> None:
+    """A wall, an obstacle and another body that comes near end the free fall of all."""
+    falling = Box(material="water", lower=(0.4, 0.5), upper=(0.5, 0.6))
+    below = Box(material="water", lower=(0.4, 0.25), upper=(0.5, 0.35), velocity=(0.0, 2.0))
+    ramp = BoxObstacle(lower=(0.3, 0.25), upper=(0.6, 0.3))
+    for more in ({"obstacles": (ramp,)}, {"bodies": (falling, below)}):
+        scene = Scene(dim=2, resolution=64, **{"bodies": (falling,), **more})
+        network = fake("fall", r_t=2)
+        sim = HybridSimulator(scene, network, guards=())
+        first = next(frame for frame in range(1, 120) if sim.advance(1) is None and network.calls)
+        apart = MpmSolver(scene).rollout(first)
+        fell = np.diff(apart[:, :, 1].astype(np.float64), n=2, axis=0) / scene.frame_dt**2
+        # The network is asked before MPM feels the contact, or soon after.
+        felt = int(np.argmax(np.abs(fell + 9.81).max(axis=1) > 5.0)) + 1
+        assert abs(first - felt) <= 12
+        assert sim.step_counts.free_fall > 15
+
+
+def test_a_scene_at_rest_stays_as_it_is_without_network_and_mpm(pool: Scene, fake: Make) -> None:
+    network = fake("nan", r_t=2)
+    sim = HybridSimulator(pool, network)
+    sim.advance(600)
+    assert sim.mode == "neural"
+    asked, at_rest, before = len(network.calls), sim.step_counts.rest, sim.positions
+    sim.advance(100)
+    np.testing.assert_array_equal(sim.positions, before)
+    assert not sim.velocities.any()
+    assert (len(network.calls), sim.step_counts.rest) == (asked, at_rest + 100)
+    truth = MpmSolver(pool)
+    truth.advance(700)
+    assert np.abs(sim.positions.mean(axis=0) - truth.positions.mean(axis=0)).max() < 2e-3
+    # A push wakes it.
+    sim.advance(10, (3.0, 0.0))
+    assert (sim.mode, sim.log[-1].reason) == ("mpm", "force")
+    assert sim.velocities[:, 0].mean() > 0.01
+
+
+@pytest.mark.parametrize("kind", ["fall", "random weak", "held"])
+def test_frames_are_counted_once_whatever_is_undone(splash: Scene, fake: Make, kind: str) -> None:
+    sim = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2))
+    for frame in range(1, 150):
+        sim.advance(1)
+        assert sum(vars(sim.step_counts).values()) == pytest.approx(frame * (1 - sim.mpm_share), abs=1e-9)
+
+
+def test_a_thrown_body_does_not_rest_at_its_highest_point(fake: Make) -> None:
+    up = Box(material="water", lower=(0.4, 0.4), upper=(0.5, 0.5), velocity=(0.0, 0.3))
+    sim = HybridSimulator(Scene(dim=2, resolution=64, bodies=(up,)), fake("nan", r_t=1))
+    sim.advance(30)
+    assert sim.step_counts == StepCounts(free_fall=25)
+    assert sim.velocities[:, 1].max() < -0.4
+
+
+def test_it_can_be_switched_off(fall: Scene, fake: Make) -> None:
+    network = fake("fall", r_t=2)
+    sim = HybridSimulator(fall, network, shortcuts=False)
+    sim.advance(60)
+    assert len(network.calls) == 25
+    assert sim.step_counts == StepCounts(network=50)
+
+
+def test_a_cosine_that_is_asked_for_is_a_guard(fall: Scene, fake: Make) -> None:
+    assert HybridSimulator(fall, fake("fall")).r_c is None
+    assert HybridSimulator(fall, fake("fall"), r_c=0.3).r_c == 0.3
+    assert HybridSimulator(fall, fake("fall"), guards=["cosine"]).r_c == 0.8
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(cli, ["simulate", *words], prog_name="hybridmpm")
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path, fall: Scene) -> Path:
+    file = tmp_path / "fall.json"
+    file.write_text(fall.model_dump_json())
+    return file
+
+
+def test_the_hybrid_simulates_and_tells_the_share_of_mpm(scene_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "fall.npz"
+    done = run("--scene", str(scene_file), "--solver", "hybrid", "--model", "zero", "--frames", "30",
+               "--every", "10", "--out", str(out))  # fmt: skip
+    assert done.exit_code == 0, done.output
+    # 10 frames of warm-up; the block is still falling after 30.
+    assert "33 % of the frames by MPM" in done.output
+    assert np.load(out)["positions"].shape == (4, 256, 2)
+
+
+def test_a_network_simulates_alone(scene_file: Path) -> None:
+    done = run("--scene", str(scene_file), "--solver", "neural", "--model", "zero", "--frames", "30")
+    assert done.exit_code == 0, done.output
+    assert "fall: 256 particles, 30 frames" in done.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--solver", "mpm", "--model", "zero"], "'--model' is for --solver neural or hybrid, not for mpm"),
+        (["--solver", "hybrid", "--substeps", "3"], "'--substeps' is for --solver mpm, not for hybrid"),
+        (["--solver", "neural", "--r-c", "0.5"], "'--r-c' is for --solver hybrid, not for neural"),
+        (["--solver", "hybrid"], "choose a network by --model NAME"),
+        (["--solver", "hybrid", "--model", "zero", "--r-c", "1.5"], "1.5 is not in the range"),
+        (["--solver", "hybrid", "--model", "none such"], "there is no model 'none such'"),
+    ],
+)
+def test_what_cannot_be_is_refused(scene_file: Path, words: list[str], message: str) -> None:
+    done = run("--scene", str(scene_file), "--frames", "1", *words)
+    assert done.exit_code != 0
+    assert message in f"{done.output} {done.exception}"

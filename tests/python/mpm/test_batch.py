@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from tests.python.conftest import native_solver
 
 from hybridmpm import (
     BatchError,
@@ -19,70 +20,16 @@ from hybridmpm import (
 )
 
 
-def block(dim: int, height: float, stiffening: float = 1.0) -> _native.Solver:
-    """Build a solver with a block of water at some height, in one substep a frame."""
-    axis = np.arange(0.4, 0.6, 1 / 32, dtype=np.float32)
-    x = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
-    x[:, 1] += height
-    count, volume = len(x), (1 / 32) ** dim
-    return _native.Solver(
-        resolution=16,
-        frame_dt=0.0025,
-        gravity=[0.0, -9.81, 0.0][:dim],
-        wall_lower=[0.1] * dim,
-        wall_upper=[0.9] * dim,
-        materials=[_native.Material.water(density=1000.0, bulk_modulus=stiffening * 100_000.0)],
-        x=x,
-        v=np.zeros_like(x),
-        material=np.zeros(count, np.uint8),
-        mass=np.full(count, 1000.0 * volume, np.float32),
-        volume=np.full(count, volume, np.float32),
-        substeps=2,
-        allow_unstable=stiffening > 1,
-    )
-
-
-def scenes() -> list[_native.Solver]:
-    return [block(dim, height) for dim in (2, 3) for height in (-0.2, 0.0, 0.2)]
-
-
-def test_a_batch_gives_the_bits_of_each_scene_alone() -> None:
-    together, alone = scenes(), scenes()
-    _native.advance_all(together, 60)
-    for one, other in zip(together, alone, strict=True):
-        other.advance(60)
-        assert one.frame == 60
-        assert one.snapshot() == other.snapshot()
-
-
-def test_a_uniform_force_is_the_same_row_for_each_particle() -> None:
-    uniform, rows = scenes(), scenes()
-    wind = [np.array([3.0, 1.0, 0.5][: one.dim], np.float32) for one in uniform]
-    _native.advance_all(uniform, 20, wind)
-    for one, other, a in zip(uniform, rows, wind, strict=True):
-        other.advance(20, np.tile(a, (other.particle_count, 1)))
-        assert one.snapshot() == other.snapshot()
-    uniform[0].advance(5, wind[0])
-    rows[0].advance(5, np.tile(wind[0], (5, rows[0].particle_count, 1)))
-    assert uniform[0].snapshot() == rows[0].snapshot()
-
-
-def test_a_scene_that_fails_stops_no_other() -> None:
-    good, bad, last = block(2, 0.0), block(2, 0.2, stiffening=100.0), block(2, 0.1)
-    # Ten times the sound speed, far above the stability limit: some frame of the splash has to fail.
-    with pytest.raises(_native.BatchError, match=r"^scene 1: particle \d+") as caught:
-        _native.advance_all([good, bad, last], 2000)
-    assert list(caught.value.failures) == [1]
-    assert good.frame == last.frame == 2000
-    assert bad.frame < 2000
-
-
-def test_no_scene_is_no_work() -> None:
-    _native.advance_all([])
+def block(height: float) -> _native.Solver:
+    """Return a solver with a block of water at some height, in two substeps a frame."""
+    axis = np.arange(0.4, 0.6, 1 / 32)
+    x = np.stack(np.meshgrid(axis, axis + height, indexing="ij"), axis=-1).reshape(-1, 2)
+    water = _native.Material.water(density=1000.0, bulk_modulus=1e5)
+    return native_solver(x, 0.0, water, resolution=16, gravity=[0.0, -9.81], substeps=2)
 
 
 def test_one_solver_twice_advances_twice() -> None:
-    solver = block(2, 0.0)
+    solver = block(0.0)
     _native.advance_all([solver, solver], 3)
     assert solver.frame == 6
 
@@ -98,7 +45,7 @@ def test_one_solver_twice_advances_twice() -> None:
     ],
 )
 def test_bad_arguments_move_nothing(arguments: dict[str, object], message: str) -> None:
-    solvers = [block(2, 0.0), block(2, 0.1)]
+    solvers = [block(0.0), block(0.1)]
     with pytest.raises(_native.ConfigError, match=message):
         _native.advance_all(solvers, 1, **arguments)
     assert [solver.frame for solver in solvers] == [0, 0]

@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 
 from hybridmpm import SOLVER_VERSION, ExportError, MpmSolver, Scene, SnapshotError, scenarios
 
-EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "wave-maker.yaml"
-
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -43,32 +41,6 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["water_2d", "sand_ramps_2d", "water_sand_2d", "sand_3d"])
-def test_going_on_from_a_file_gives_the_same_bits(tmp_path: Path, name: str) -> None:
-    whole = MpmSolver(scenarios.get(name, 5))
-    whole.advance(12)
-    whole.save(tmp_path / "state")
-    whole.advance(8)
-    for threads in (1, 2):
-        again = MpmSolver.load(tmp_path / "state", threads=threads)
-        assert again.frame == 12
-        again.advance(8)
-        assert again.snapshot() == whole.snapshot()
-
-
-def test_a_file_goes_on_in_the_middle_of_a_motion(tmp_path: Path) -> None:
-    whole = MpmSolver(Scene.load(EXAMPLE))
-    whole.advance(30)
-    whole.save(tmp_path / "state")
-    whole.advance(20)
-    again = MpmSolver.load(tmp_path / "state", threads=2)
-    again.advance(20)
-    assert again.snapshot() == whole.snapshot()
-    again.reset()
-    again.advance(50)
-    assert again.snapshot() == whole.snapshot()
-
-
 def test_a_file_holds_scene_settings_and_the_way_back_to_the_start(saved: Path) -> None:
     solver = MpmSolver.load(saved)
     twin = MpmSolver(solver.scene, substeps=40)
@@ -76,7 +48,6 @@ def test_a_file_holds_scene_settings_and_the_way_back_to_the_start(saved: Path) 
     assert solver.frame == 15
     np.testing.assert_array_equal(solver.positions, twin.positions)
     solver.advance(1)
-    assert solver.last_frame is not None
     assert (solver.last_frame.substeps, solver.last_frame.bound) == (40, "fixed")
     solver.reset()
     twin.reset()
@@ -90,7 +61,6 @@ def test_the_cfl_number_is_kept(tmp_path: Path, drop: Scene) -> None:
     for one in (solver, again):
         one.advance(1)
     assert again.snapshot() == solver.snapshot()
-    assert again.last_frame is not None
     assert again.last_frame.substeps == solver.last_frame.substeps
     # Saved once more, it is the same file.
     solver.save(tmp_path / "b")

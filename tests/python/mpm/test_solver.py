@@ -1,21 +1,27 @@
-"""`MpmSolver`: motion, state and its copies. The laws of the method are tested in Rust, beside it."""
+"""`MpmSolver`: motion, cost, sleep and state. The laws of the method are tested in Rust, beside it."""
 
-import re
 import threading
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hybridmpm import (
+    Ball,
+    BallObstacle,
     Box,
     ConfigError,
     CostlyMaterialWarning,
     Elastic,
-    ForceError,
+    Motion,
+    MpmBatch,
     MpmSolver,
     Scene,
-    SnapshotError,
+    Sleep,
+    scenarios,
 )
+from hybridmpm.mpm import frame_cost
 
 
 def state(solver: MpmSolver) -> list[np.ndarray]:
@@ -59,7 +65,6 @@ def test_reference_substeps_follow_their_rule(drop: Scene) -> None:
     solver = MpmSolver(drop, substeps="reference")
     solver.advance()
     report = solver.last_frame
-    assert report is not None
     assert report.substeps == int(0.0025 / (0.02 / 64)) + 1 == 9
     assert report.bound == "reference"
     assert report.smallest_dt == pytest.approx(0.0025 / 9)
@@ -70,7 +75,6 @@ def test_cfl_number_sets_the_substeps(splash: Scene) -> None:
     for cfl in (0.6, 0.2):
         solver = MpmSolver(splash, cfl=cfl)
         solver.advance()
-        assert solver.last_frame is not None
         assert solver.last_frame.bound in {"sound", "speed"}
         counts.append(solver.last_frame.substeps)
     assert counts[0] < counts[1]
@@ -84,28 +88,6 @@ def test_frames_in_one_call_or_many(splash: Scene) -> None:
     assert_same_bits(once, often)
 
 
-def test_rollout_is_what_advance_does(splash: Scene) -> None:
-    rolled, advanced = MpmSolver(splash), MpmSolver(splash)
-    rolled.advance(2)
-    path = rolled.rollout(5)
-    assert path.shape == (6, rolled.particle_count, 2)
-    assert path.dtype == np.float32
-    advanced.advance(2)
-    for row in path:
-        np.testing.assert_array_equal(row, advanced.positions)
-        advanced.advance()
-    assert rolled.frame == 7
-
-
-@pytest.mark.parametrize("scene", ["splash", "cube"])
-def test_threads_do_not_change_a_bit(scene: str, request: pytest.FixtureRequest) -> None:
-    one = MpmSolver(request.getfixturevalue(scene), threads=1)
-    two = MpmSolver(request.getfixturevalue(scene), threads=2)
-    one.advance(30)
-    two.advance(30)
-    assert_same_bits(one, two)
-
-
 def test_force_is_an_acceleration(drop: Scene) -> None:
     """An upward force of g on every particle holds the drop's vertical speed at zero."""
     solver = MpmSolver(drop)
@@ -115,20 +97,6 @@ def test_force_is_an_acceleration(drop: Scene) -> None:
     np.testing.assert_allclose(solver.velocities.mean(axis=0), [0.5 + 2.0 * t, 0.0], atol=1e-3)
 
 
-def test_force_held_or_given_per_frame(splash: Scene) -> None:
-    held, given, mixed = MpmSolver(splash), MpmSolver(splash), MpmSolver(splash)
-    force = np.random.default_rng(0).normal(0, 5, (held.particle_count, 2)).astype(np.float32)
-    held.advance(4, force)
-    given.advance(4, np.repeat(force[None], 4, axis=0))
-    assert_same_bits(held, given)
-    per_frame = np.stack([force, -force, 2 * force, 0 * force])
-    given.reset()
-    given.advance(4, per_frame)
-    for row in per_frame:
-        mixed.advance(1, row.tolist())
-    assert_same_bits(given, mixed)
-
-
 def test_force_does_not_outlive_its_call(drop: Scene) -> None:
     solver, free = MpmSolver(drop), MpmSolver(drop)
     solver.advance(1, np.zeros((solver.particle_count, 2)))
@@ -136,25 +104,6 @@ def test_force_does_not_outlive_its_call(drop: Scene) -> None:
     solver.advance(3)
     free.advance(3)
     assert_same_bits(solver, free)
-
-
-@pytest.mark.parametrize("shape", [(3, 2), (5, 2, 2), (), (1, 1, 1, 1), (2, 2, 3)])
-def test_force_of_a_wrong_shape(solver: MpmSolver, shape: tuple[int, ...]) -> None:
-    before = solver.positions
-    with pytest.raises(ForceError, match=rf"force must have shape .*got shape {re.escape(str(shape))}"):
-        solver.advance(2, np.zeros(shape))
-    assert solver.frame == 0
-    np.testing.assert_array_equal(solver.positions, before)
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e300])
-def test_force_must_be_finite(solver: MpmSolver, value: float) -> None:
-    force = np.zeros((solver.particle_count, 2))
-    force[3, 1] = value
-    with pytest.raises(ConfigError, match="force must be finite"):
-        solver.advance(1, force)
-    with pytest.raises(ConfigError, match="force must be numbers"):
-        solver.advance(1, "up")
 
 
 @pytest.mark.parametrize("frames", [-1, 1_000_001, 1.5, "3", None])
@@ -184,73 +133,10 @@ def test_bad_settings(drop: Scene, settings: dict[str, object]) -> None:
         MpmSolver(drop, **settings)  # type: ignore[arg-type]
 
 
-def test_a_failed_frame_leaves_the_frame_before(splash: Scene) -> None:
-    solver, twin = MpmSolver(splash), MpmSolver(splash)
-    solver.advance(3)
-    twin.advance(3)
-    force = np.zeros((solver.particle_count, 2))
-    force[0] = 1e30
-    with pytest.raises(Exception, match="lower the velocities"):
-        solver.advance(2, force)
-    assert_same_bits(solver, twin)
-    solver.advance(2)
-    twin.advance(2)
-    assert_same_bits(solver, twin)
-
-
-def test_going_on_from_a_snapshot_gives_the_same_bits(splash: Scene) -> None:
-    solver, other = MpmSolver(splash), MpmSolver(splash, threads=2)
-    solver.advance(10)
-    saved = solver.snapshot()
-    solver.advance(10)
-    other.restore(saved)
-    assert other.frame == 10
-    other.advance(10)
-    assert_same_bits(solver, other)
-    solver.restore(saved)
-    solver.advance(10)
-    assert_same_bits(solver, other)
-
-
-def test_snapshots_that_are_refused(solver: MpmSolver, drop: Scene) -> None:
-    solver.advance(2)
-    good = solver.snapshot()
-    before = solver.positions
-    damaged = bytearray(good)
-    damaged[len(good) // 2] ^= 1
-    for data in (b"", b"not a snapshot", good[:-1], bytes(damaged), MpmSolver(drop).snapshot()):
-        with pytest.raises(SnapshotError):
-            solver.restore(data)
-        np.testing.assert_array_equal(solver.positions, before)
-    solver.restore(good)
-
-
-def test_copy_is_independent(solver: MpmSolver) -> None:
-    solver.advance(5)
-    twin = solver.copy()
-    assert_same_bits(solver, twin)
-    twin.advance(5)
-    assert solver.frame == 5
-    solver.advance(5)
-    assert_same_bits(solver, twin)
-    twin.reset()
-    assert (twin.frame, solver.frame) == (0, 10)
-
-
-def test_reset_starts_anew(splash: Scene, solver: MpmSolver) -> None:
-    solver.advance(15)
-    solver.reset()
-    assert_same_bits(solver, MpmSolver(splash))
-    assert solver.time == 0
-
-
 @pytest.mark.parametrize(
     ("material", "named"),
     [
-        (
-            Elastic(density=1.0),
-            r"bodies\[1\]: elastic of 1 kg/m\^3 .* takes \d{3} substeps in each frame",
-        ),
+        (Elastic(density=1.0), r"bodies\[1\]: elastic of 1 kg/m\^3 .* takes \d{3} substeps in each frame"),
         (Elastic(youngs_modulus=1e9), r"make it denser or softer, or take a coarser grid"),
     ],
 )
@@ -261,7 +147,6 @@ def test_a_material_that_makes_frames_slow_is_warned_of(material: Elastic, named
         solver = MpmSolver(Scene(dim=2, bodies=(water, slow)))
     assert caught[0].filename == __file__
     solver.advance(1)
-    assert solver.last_frame is not None
     assert solver.last_frame.substeps >= 200
 
 
@@ -289,3 +174,83 @@ def test_threads_share_a_solver(splash: Scene) -> None:
         worker.join()
     alone.advance(20)
     assert_same_bits(shared, alone)
+
+
+HEAP = Scene(
+    dim=2, resolution=32, bodies=(Box(material="sand", lower=(0.4, 0.1), upper=(0.6, 0.2)),), frames=10
+)
+
+
+def test_a_heap_sleeps_and_a_force_wakes_it() -> None:
+    solver = MpmSolver(HEAP, sleep=Sleep(speed=0.05, frames=5))
+    solver.advance(200)
+    assert solver.asleep.all()
+    before = solver.positions
+    solver.advance(10)
+    np.testing.assert_array_equal(solver.positions, before)
+    solver.advance(2, force=np.full(before.shape, 3.0, dtype=np.float32))
+    assert not solver.asleep.any()
+    assert np.abs(solver.positions - before).max() > 0
+
+
+def test_files_and_batches_keep_who_sleeps(tmp_path: Path) -> None:
+    sleep = Sleep(speed=0.05, frames=5)
+    solver = MpmSolver(HEAP, sleep=sleep)
+    solver.advance(58)
+    solver.save(tmp_path / "state")
+    again = MpmSolver.load(tmp_path / "state", threads=2)
+    (member,) = batch = MpmBatch([HEAP], sleep=sleep)
+    batch.advance(98)
+    for twin in (solver, again):
+        twin.advance(40)
+    assert solver.asleep.any()
+    np.testing.assert_array_equal(again.asleep, solver.asleep)
+    assert again.snapshot() == solver.snapshot() == member.snapshot()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"speed": 0.0}, r"speed.*must be in \(0, 1000\] m/s, got 0"),
+        ({"frames": 0}, r"frames.*must be in \[1,"),
+    ],
+)
+def test_bad_settings_of_sleep(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Sleep(**settings)
+
+
+def test_a_switch_is_no_sleep() -> None:
+    with pytest.raises(ConfigError, match=r"sleep must be Sleep\(\.\.\.\), or None .*, got True"):
+        MpmSolver(HEAP, sleep=True)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", scenarios.NAMES)
+def test_scenarios_cost_what_was_estimated(name: str) -> None:
+    scene = scenarios.get(name, 0)
+    cost, solver = frame_cost(scene), MpmSolver(scene)
+    solver.advance()
+    # Particles lie on a lattice, and some bodies in obstacles.
+    assert cost.particles == pytest.approx(solver.particle_count, rel=0.1)
+    assert cost.substeps == pytest.approx(solver.last_frame.substeps, abs=1)
+    assert cost.particle_substeps == cost.particles * cost.substeps
+
+
+@pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bodies": (Ball(material=Elastic(density=100.0), center=(0.5, 0.5), radius=0.05),)},
+        {"bodies": (Ball(material="water", center=(0.5, 0.5), radius=0.05, velocity=(40.0, 20.0)),)},
+        {"obstacles": (BallObstacle(center=(0.2, 0.2), radius=0.05, motion=Motion(velocity=(50.0, 0.0))),)},
+    ],
+    ids=["stiff", "fast particles", "fast obstacle"],
+)
+def test_what_makes_a_frame_dear_is_counted(change: dict[str, object]) -> None:
+    plain = {"dim": 2, "bodies": (Box(material="water", lower=(0.45, 0.45), upper=(0.55, 0.55)),)}
+    scene = Scene.model_validate(plain | change)
+    solver = MpmSolver(scene)
+    solver.advance()
+    assert frame_cost(scene).substeps > frame_cost(Scene.model_validate(plain)).substeps
+    # Particles fall, and their speeds are bounded from above while a substep is chosen.
+    assert frame_cost(scene).substeps == pytest.approx(solver.last_frame.substeps, rel=0.1)

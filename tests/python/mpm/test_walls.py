@@ -1,9 +1,8 @@
 """Walls act alike wherever they lie between the nodes of the grid."""
 
-from typing import Any
-
 import numpy as np
 import pytest
+from tests.python.conftest import native_solver
 
 from hybridmpm import Box, ConfigError, Elastic, MpmSolver, Scene, SceneError, SnapshotError, _native
 from hybridmpm.scene import Walls
@@ -19,12 +18,7 @@ def distance_at_contact(material: str, phase: float, *, upper: bool) -> float:
     wall = ((57 if upper else 7) + phase) * DX
     away = -1 if upper else 1
     faces = sorted((wall + away * 3 * DX, wall + away * 13 * DX))
-    body = Box(
-        material=material,
-        lower=(0.4, faces[0]),
-        upper=(0.6, faces[1]),
-        velocity=(0.0, -0.8 * away),
-    )
+    body = Box(material=material, lower=(0.4, faces[0]), upper=(0.6, faces[1]), velocity=(0.0, -0.8 * away))
     walls = Walls(lower=(0.1, 0.1 if upper else wall), upper=(0.9, wall if upper else 0.9))
     scene = Scene(dim=2, resolution=64, bodies=(body,), walls=walls, gravity=(0.0, 0.0))
     solver = MpmSolver(scene)
@@ -176,26 +170,12 @@ def test_a_fault_of_one_wall_names_it(faces: dict[str, object], field: str, word
 
 
 def test_the_core_asks_for_one_contact_or_one_for_each_wall() -> None:
-    arrays = {
-        "x": np.full((1, 2), 0.5, dtype=np.float32),
-        "v": np.zeros((1, 2), dtype=np.float32),
-        "material": np.zeros(1, dtype=np.uint8),
-        "mass": np.ones(1, dtype=np.float32),
-        "volume": np.full(1, 1e-4, dtype=np.float32),
-    }
-    settings: dict[str, Any] = {
-        "resolution": 32,
-        "frame_dt": 0.0025,
-        "gravity": [0.0, -9.81],
-        "wall_lower": [0.1, 0.1],
-        "wall_upper": [0.9, 0.9],
-        "materials": [_native.Material.water(density=1000.0, bulk_modulus=1e5)],
-        **arrays,
-    }
-    _native.Solver(**settings, wall_contact=["slip"] * 4, wall_friction=[None, 0.1, None, 0.0])
-    with pytest.raises(
-        ConfigError, match="wall_contact must be one value, or one for each of the 4 walls, got 3"
-    ):
-        _native.Solver(**settings, wall_contact=["slip"] * 3)
+    def make(**settings: object) -> None:
+        water = _native.Material.water(density=1000.0, bulk_modulus=1e5)
+        native_solver(np.full((1, 2), 0.5), 0.0, water, resolution=32, **settings)
+
+    make(wall_contact=["slip"] * 4, wall_friction=[None, 0.1, None, 0.0])
+    with pytest.raises(ConfigError, match="must be one value, or one for each of the 4 walls, got 3"):
+        make(wall_contact=["slip"] * 3)
     with pytest.raises(ConfigError, match="wall_friction must be finite and >= 0"):
-        _native.Solver(**settings, wall_friction=[None, -0.1, None, 0.0])
+        make(wall_friction=[None, -0.1, None, 0.0])

@@ -1,9 +1,13 @@
 """The neighbour graph through the Python boundary; random clouds are tested in Rust."""
 
 import itertools
+import subprocess
+import sys
+import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from hybridmpm import ConfigError, GraphSizeError, radius_graph
@@ -17,15 +21,6 @@ def test_edges_are_ordered_by_receiver_and_hold_no_self_edge() -> None:
     assert graph.senders.tolist() == [1, 0, 2, 1]
     assert graph.starts.tolist() == [0, 1, 3, 4, 4]
     assert graph.radius == 0.25
-
-
-def test_equals_all_pairs_in_3d() -> None:
-    x = np.random.default_rng(3).random((200, 3), dtype=np.float32)
-    graph = radius_graph(x, 0.2)
-    distance = np.linalg.norm(x[:, None].astype(float) - x[None].astype(float), axis=-1)
-    receivers, senders = np.nonzero((distance <= np.float32(0.2)) & ~np.eye(200, dtype=bool))
-    assert np.array_equal(graph.receivers, receivers)
-    assert np.array_equal(graph.senders, senders)
 
 
 @pytest.mark.parametrize(
@@ -126,9 +121,44 @@ def test_bad_options_are_named() -> None:
         radius_graph(x, 0.1, threads=0)
 
 
-def test_threads_may_search_side_by_side() -> None:
-    x = np.random.default_rng(8).random((3000, 2), dtype=np.float32)
-    expected = radius_graph(x, 0.05)
+def cloud(count: int) -> npt.NDArray[np.float32]:
+    return np.random.default_rng(count).random((count, 2), dtype=np.float32)
+
+
+def test_calls_at_the_same_time_find_the_same_graphs() -> None:
+    clouds = [cloud(count) for count in (500, 3000, 20_000, 60_000)]
+    alone = [radius_graph(x, 0.01).senders for x in clouds]
+
+    def found(turn: int) -> bool:
+        x, expected = clouds[turn % 4], alone[turn % 4]
+        return np.array_equal(radius_graph(x, 0.01, threads=2 + turn % 3).senders, expected)
+
     with ThreadPoolExecutor(4) as pool:
-        graphs = list(pool.map(lambda _: radius_graph(x, 0.05, threads=2), range(40)))
-    assert all(np.array_equal(graph.senders, expected.senders) for graph in graphs)
+        assert all(pool.map(found, range(24)))
+
+
+def test_a_forked_process_goes_on_with_the_threads_of_its_parent() -> None:
+    script = """
+        import os
+        import numpy as np
+        from hybridmpm import MpmBatch, MpmSolver, radius_graph, scenarios
+
+        x = np.random.default_rng(0).random((20_000, 2), dtype=np.float32)
+        scenes = [scenarios.water_2d(seed) for seed in (1, 2)]
+        solver = MpmSolver(scenes[0], threads=2)
+        batch = MpmBatch(scenes, threads=2)
+        edges = len(radius_graph(x, 0.01, threads=2).senders)
+        solver.advance(2)
+        batch.advance(2)
+        child = os.fork()
+        for _ in range(2):
+            assert len(radius_graph(x, 0.01, threads=2).senders) == edges
+            solver.advance(2)
+            batch.advance(2)
+        del solver, batch
+        if child:
+            assert os.waitpid(child, 0)[1] == 0
+    """
+    command = [sys.executable, "-W", "ignore", "-c", textwrap.dedent(script)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr

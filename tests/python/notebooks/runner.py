@@ -21,12 +21,11 @@ Bundle = dict[str, Any]
 """An output by its media types."""
 
 
-class _Shell:
+class Shell:
     """What `IPython.get_ipython` answers within a notebook."""
 
-    kernel = True
-
-    def __init__(self) -> None:
+    def __init__(self, *, kernel: bool = True) -> None:
+        self.kernel = kernel or None
         self.execution_count = 0
         self.outputs: list[Bundle] = []
         # matplotlib asks to be told of the ends of cells; `_figures` looks for what it has drawn instead.
@@ -49,8 +48,8 @@ class _Shell:
 def run(path: Path) -> dict[str, Any]:
     """Return the notebook of a file with the outputs of all its cells."""
     notebook: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    shell, names = _Shell(), {"__name__": "__main__"}
-    with _as_ipython(shell):
+    shell, names = Shell(), {"__name__": "__main__"}
+    with as_ipython(shell):
         for cell in notebook["cells"]:
             if cell["cell_type"] == "code":
                 shell.execution_count += 1
@@ -60,7 +59,7 @@ def run(path: Path) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _as_ipython(shell: _Shell) -> Iterator[None]:
+def as_ipython(shell: Shell) -> Iterator[None]:
     """Let the library find itself in a notebook."""
     module = ModuleType("IPython")
     display = SimpleNamespace(display=shell.display)
@@ -75,7 +74,7 @@ def _as_ipython(shell: _Shell) -> Iterator[None]:
             sys.modules["IPython"] = before
 
 
-def _executed(source: str, names: dict[str, Any], shell: _Shell) -> Iterator[dict[str, Any]]:
+def _executed(source: str, names: dict[str, Any], shell: Shell) -> Iterator[dict[str, Any]]:
     """Run a cell, and yield its outputs as a notebook file has them."""
     tree = ast.parse(source)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None

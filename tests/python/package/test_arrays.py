@@ -147,11 +147,7 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
     ),
     "FreeSpace.__new__": (
         lambda distance: (
-            _native.match_to_region(
-                X.astype(float),
-                CELLS,
-                _native.FreeSpace((0, 0), 0.1, distance),
-            ).ways
+            _native.match_to_region(X.astype(float), CELLS, _native.FreeSpace((0, 0), 0.1, distance)).ways
         ),
         {"distance": ROOM},
     ),

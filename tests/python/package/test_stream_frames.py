@@ -55,7 +55,6 @@ def test_decoding_undoes_encoding(frame: Frame) -> None:
     if frame.population is None:
         assert back.population is None
     else:
-        assert back.population is not None
         assert back.population.ids.tolist() == frame.population.ids.tolist()
         assert back.population.types.tolist() == frame.population.types.tolist()
 

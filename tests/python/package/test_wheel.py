@@ -35,8 +35,7 @@ def test_wheel_runs_outside_the_checkout(tmp_path: Path) -> None:
     (wheel,) = wheels.iterdir()
     assert "abi3" in wheel.name
     subprocess.run(
-        [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", site, wheel],
-        check=True,
+        [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", site, wheel], check=True
     )
     for name in ("py.typed", "_native.pyi", "cli/__init__.py", "control/__init__.py"):
         assert (site / "hybridmpm" / name).is_file(), name

@@ -168,30 +168,6 @@ def model_3d(model_file_3d: Path) -> NeuralModel:
     return NeuralModel.load(model_file_3d)
 
 
-@pytest.fixture(scope="session")
-def torch_stepper() -> type[TorchStepper]:
-    """Return the class."""
-    return TorchStepper
-
-
-@pytest.fixture(scope="session")
-def simulator_of() -> Make:
-    """Return `make_simulator`."""
-    return make_simulator
-
-
-@pytest.fixture(scope="session")
-def checkpoint_of() -> Callable[[LearnedSimulator, Path], None]:
-    """Return `save_checkpoint`."""
-    return save_checkpoint
-
-
-@pytest.fixture(scope="session")
-def export_command() -> Callable[..., Result]:
-    """Return `run_export`."""
-    return run_export
-
-
 def random_inputs(
     rng: np.random.Generator, count: int, dim: int, *, kinematic: int = 0, width: float = 0.8
 ) -> dict[str, Any]:
@@ -207,9 +183,3 @@ def random_inputs(
         "acceleration": rng.normal(0, 5, (count, dim)).astype(np.float32),
         "walls": np.array([[0.1] * dim, [0.9] * dim], dtype=np.float32),
     }
-
-
-@pytest.fixture(scope="session")
-def inputs() -> Callable[..., dict[str, Any]]:
-    """Return `random_inputs`."""
-    return random_inputs

@@ -1,24 +1,23 @@
 """Where nothing happens, a body falls freely whatever the network answers; obstacles stay where they are."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from tests.python.physics.conftest import random_inputs
 
-from hybridmpm import ConfigError, radius_graph
+from hybridmpm import ConfigError, Scene, radius_graph
 from hybridmpm._native import answer_weights as compiled
 from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
 from hybridmpm.physics.answer_gate import answer_weights as served_weights
+from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
 from hybridmpm.training.physics.network.answer_gate import answer_weights
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of
-
-Inputs = Callable[..., dict[str, Any]]
 
 SPEC = NetworkSpec(
     scenarios=("water_2d",), latent=8, layers=2, hidden_layers=1, radius=0.03, r_p=1 / 8, r_t=4
@@ -91,13 +90,13 @@ def test_kinematic_particles_stay_where_they_are() -> None:
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_both_forms_agree(model: NeuralModel, model_3d: NeuralModel, inputs: Inputs, dim: int) -> None:
+def test_both_forms_agree(model: NeuralModel, model_3d: NeuralModel, dim: int) -> None:
     """What training computes with gradients and what serving computes compiled."""
     info = (model if dim == 2 else model_3d).info
     simulator = LearnedSimulator(info.spec, info.scales)
     seen = []
     for nudge in (0.0, 0.02, 0.05, 0.1, 1.0):
-        given = inputs(np.random.default_rng(1), 150, dim, kinematic=20, width=0.3)
+        given = random_inputs(np.random.default_rng(1), 150, dim, kinematic=20, width=0.3)
         types, known = given["types"], given["acceleration"]
         # All falls freely, but that one particle in ten was a little elsewhere in the oldest state.
         t = info.spec.step_dt * np.arange(-5, 1)[:, None, None]
@@ -167,3 +166,55 @@ def test_what_does_not_fit_is_refused(change: dict[str, Any], message: str) -> N
     assert compiled(**fine).shape == (3,)
     with pytest.raises(ConfigError, match=message):
         compiled(**fine | change)
+
+
+G = np.array([0.0, -9.81])
+BOX = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
+
+
+def parabola(start: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Positions (T, N, 2) of thrown particles at some times [s], in float64."""
+    t = times[:, None, None]
+    return start + velocity * t + G * t**2 / 2
+
+
+@pytest.mark.parametrize("r_t", [1, 2, 8, 16])
+def test_a_throw_follows_its_parabola(r_t: int) -> None:
+    frame_dt = 0.0025
+    stepper = FreeFall(frame_dt=frame_dt, r_p=0.25, r_t=r_t)
+    rng = np.random.default_rng(r_t)
+    start, velocity = rng.uniform(0.4, 0.8, (50, 2)), rng.uniform(-0.3, 0.3, (50, 2))
+    times = r_t * frame_dt * np.arange(12)
+    truth = parabola(start, velocity, times)
+    states = list(truth[:6].astype(np.float32))
+    far = np.array([[-9.0, -9.0], [9.0, 9.0]], dtype=np.float32)
+    types = np.full(50, WATER, dtype=np.int64)
+    push = np.broadcast_to(G.astype(np.float32), (50, 2))
+    for _ in range(6):
+        states.append(stepper.step(np.stack(states[-6:]), types, push, far))
+    # Second differences of a parabola are g dt^2 whatever dt, so only the rounding of float32 is left.
+    np.testing.assert_allclose(np.stack(states), truth, atol=1e-5)
+    assert (stepper.r_p, stepper.r_t) == (0.25, r_t)
+    assert states[-1].dtype == np.float32
+
+
+def test_walls_stop_it_and_obstacles_stay() -> None:
+    x = np.array([[0.101, 0.5], [0.5, 0.11], [0.5, 0.5], [0.95, 0.5]])
+    before = x - [[-0.02, 0.0], [0.0, -0.02], [-0.1, 0.0], [0.0, 0.0]]
+    history = np.stack([before] * 5 + [x]).astype(np.float32)
+    types = np.array([WATER, WATER, KINEMATIC, KINEMATIC])
+    push = np.zeros((4, 2), dtype=np.float32)
+    after = FreeFall(frame_dt=0.0025).step(history, types, push, BOX)
+    # The third moves in the history, and the fourth is past the wall: neither is the stepper's to change.
+    expected = [[0.1, 0.5], [0.5, 0.1], [0.5, 0.5], [0.95, 0.5]]
+    np.testing.assert_array_equal(after, np.array(expected, dtype=np.float32))
+
+
+def test_bad_settings_are_named(drop: Scene) -> None:
+    with pytest.raises(ConfigError, match=r"r_p must be in \(0, 1\], got 0"):
+        FreeFall(frame_dt=0.0025, r_p=0)
+    with pytest.raises(ConfigError, match=r"r_t must be in \[1, 64\], got 65"):
+        FreeFall(frame_dt=0.0025, r_t=65)
+    with pytest.raises(ConfigError, match=r"frames of 0\.005 s, those of drop last 0\.0025 s"):
+        FreeFall(frame_dt=0.005).check(drop)
+    FreeFall(frame_dt=drop.frame_dt).check(drop)

@@ -1,15 +1,14 @@
 """Exported files: what is in them, and that they compute what torch does."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
 import pytest
 import torch
 from click.testing import Result
+from tests.python.physics.conftest import TorchStepper, random_inputs, run_export, save_checkpoint
 
 from hybridmpm import ConfigError, NeuralPhysics, radius_graph, scenarios
 from hybridmpm._support.networks import OPSET
@@ -26,7 +25,6 @@ ALLOWED = {
     *("Clip", "Min", "Max", "Equal", "Greater", "Where", "Exp", "Pow"),
     *("Conv", "Transpose", "Abs", "Identity", "Shape"),
 }
-Inputs = Callable[..., dict[str, Any]]
 CROWDS = [
     *((1, 0, 0.8), (2, 0, 0.8), (2, 0, 0.01), (2, 1, 0.01), (1, 1, 0.8)),
     *((40, 0, 0.1), (200, 30, 0.2), (90, 0, 0.8)),
@@ -94,14 +92,14 @@ def test_metadata_comes_back(model: NeuralModel, simulator: LearnedSimulator) ->
 @pytest.mark.parametrize("crowd", CROWDS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_onnxruntime_computes_what_torch_does(
-    request: pytest.FixtureRequest, inputs: Inputs, crowd: tuple[int, int, float], dim: int
+    request: pytest.FixtureRequest, crowd: tuple[int, int, float], dim: int
 ) -> None:
     count, kinematic, width = crowd
     suffix = "" if dim == 2 else "_3d"
     served = request.getfixturevalue(f"model{suffix}")
-    stepper = request.getfixturevalue("torch_stepper")(request.getfixturevalue(f"simulator{suffix}"))
+    stepper = TorchStepper(request.getfixturevalue(f"simulator{suffix}"))
     for seed in range(3):
-        given = inputs(np.random.default_rng(seed), count, dim, kinematic=kinematic, width=width)
+        given = random_inputs(np.random.default_rng(seed), count, dim, kinematic=kinematic, width=width)
         found, wanted = served.step(**given), stepper.step(**given)
         assert found.dtype == np.float32
         way = np.sqrt(np.mean(np.square(np.diff(given["history"], axis=0)))) or 0.004
@@ -110,11 +108,9 @@ def test_onnxruntime_computes_what_torch_does(
         np.testing.assert_array_equal(found[still], given["history"][-1][still])
 
 
-def test_rollout_of_50_frames_is_that_of_torch(
-    model: NeuralModel, simulator: LearnedSimulator, torch_stepper: Any
-) -> None:
+def test_rollout_of_50_frames_is_that_of_torch(model: NeuralModel, simulator: LearnedSimulator) -> None:
     scene = scenarios.water_ramps_2d(4)
-    served, trained = NeuralPhysics(scene, model), NeuralPhysics(scene, torch_stepper(simulator))
+    served, trained = NeuralPhysics(scene, model), NeuralPhysics(scene, TorchStepper(simulator))
     paths = []
     for physics in (served, trained):
         physics.advance(20)
@@ -133,11 +129,7 @@ def test_particles_in_one_place_stay_finite(model: NeuralModel) -> None:
 
 
 def test_command_exports_a_checkpoint(
-    exported_3d: tuple[Result, Path],
-    model_3d: NeuralModel,
-    simulator_3d: LearnedSimulator,
-    torch_stepper: Any,
-    inputs: Inputs,
+    exported_3d: tuple[Result, Path], model_3d: NeuralModel, simulator_3d: LearnedSimulator
 ) -> None:
     result, out = exported_3d
     assert result.exit_code == 0, result.output
@@ -153,18 +145,13 @@ def test_command_exports_a_checkpoint(
     assert info.parameters == sum(parameter.numel() for parameter in simulator_3d.parameters())
     assert (info.training["steps"], info.training["seconds"]) == ("70", "3600")
     assert info.training["machine"] == "a processor, 2 cores"
-    given = inputs(np.random.default_rng(0), 50, 3, width=0.1)
-    np.testing.assert_allclose(model_3d.step(**given), torch_stepper(simulator_3d).step(**given), atol=4e-7)
+    given = random_inputs(np.random.default_rng(0), 50, 3, width=0.1)
+    np.testing.assert_allclose(model_3d.step(**given), TorchStepper(simulator_3d).step(**given), atol=4e-7)
 
 
-def test_command_refuses_what_it_cannot_use(
-    tmp_path: Path,
-    simulator: LearnedSimulator,
-    checkpoint_of: Callable[[LearnedSimulator, Path], None],
-    export_command: Callable[..., Result],
-) -> None:
+def test_command_refuses_what_it_cannot_use(tmp_path: Path, simulator: LearnedSimulator) -> None:
     file, out = tmp_path / "checkpoint.pt", tmp_path / "model.onnx"
-    checkpoint_of(simulator, file)
+    save_checkpoint(simulator, file)
     (tmp_path / "rows.json").write_text("{}")
     foreign = torch.load(file, weights_only=True)
     spec = json.loads(foreign["spec"])
@@ -181,7 +168,7 @@ def test_command_refuses_what_it_cannot_use(
         ((tmp_path / "small.pt", "--out", out), "its weights are not those of its network"),
     ]
     for arguments, message in cases:
-        result = export_command(*arguments)
+        result = run_export(*arguments)
         assert result.exit_code == 2, arguments
         assert message in " ".join(result.stderr.split()), result.stderr
     assert not out.exists()
@@ -218,9 +205,9 @@ def test_the_papers_network_is_small_enough_to_ship() -> None:
     assert 4 * sum(parameter.numel() for parameter in network.parameters()) < 0.9 * MAX_BYTES
 
 
-def test_graph_of_types_is_that_of_training(inputs: Inputs) -> None:
+def test_graph_of_types_is_that_of_training() -> None:
     """Serving and training join the same particles: none of the kinematic ones to each other."""
-    given = inputs(np.random.default_rng(3), 120, 2, kinematic=40, width=0.15)
+    given = random_inputs(np.random.default_rng(3), 120, 2, kinematic=40, width=0.15)
     x, types = given["history"][-1], given["types"]
     served = radius_graph(x, 0.0275, types, kinematic=3)
     trained = edges_of(torch.from_numpy(x), torch.from_numpy(types), (120,), 0.0275)

@@ -1,4 +1,4 @@
-"""`NeuralModel`: symmetries of a step, odd numbers of particles, and files and scenes that it refuses."""
+"""`NeuralModel`: symmetries of a step, files and scenes that it refuses, and the models that ship."""
 
 import json
 import subprocess
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import onnx
 import pytest
+from tests.python.physics.conftest import random_inputs
 
 from hybridmpm import (
     BallObstacle,
@@ -19,16 +20,17 @@ from hybridmpm import (
     DataError,
     GraphSizeError,
     Motion,
+    NeuralPhysics,
     Scene,
     UnknownScenarioError,
     Water,
     physics,
     scenarios,
 )
+from hybridmpm.errors import SimulationError
 from hybridmpm.physics import NeuralModel, manifest
+from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm.training.export import exported_model
-
-Inputs = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
@@ -39,16 +41,16 @@ def weights(tmp_path: Path, model_file: Path, model: NeuralModel) -> Path:
     return tmp_path
 
 
-def test_a_shifted_scene_moves_the_same(model: NeuralModel, inputs: Inputs) -> None:
-    given = inputs(np.random.default_rng(0), 80, 2, kinematic=10, width=0.15)
+def test_a_shifted_scene_moves_the_same(model: NeuralModel) -> None:
+    given = random_inputs(np.random.default_rng(0), 80, 2, kinematic=10, width=0.15)
     shift = np.array([0.0625, -0.03125], np.float32)
     moved = {key: given[key] + shift if key in {"history", "walls"} else given[key] for key in given}
     np.testing.assert_allclose(model.step(**moved), model.step(**given) + shift, atol=2e-6)
 
 
-def test_the_order_of_particles_does_not_matter(model: NeuralModel, inputs: Inputs) -> None:
+def test_the_order_of_particles_does_not_matter(model: NeuralModel) -> None:
     rng = np.random.default_rng(1)
-    given = inputs(rng, 80, 2, kinematic=10, width=0.15)
+    given = random_inputs(rng, 80, 2, kinematic=10, width=0.15)
     order = rng.permutation(80)
     shuffled = {
         "history": given["history"][:, order],
@@ -59,9 +61,9 @@ def test_the_order_of_particles_does_not_matter(model: NeuralModel, inputs: Inpu
     np.testing.assert_allclose(model.step(**shuffled), model.step(**given)[order], atol=2e-7)
 
 
-def test_a_far_particle_changes_nothing(model: NeuralModel, inputs: Inputs) -> None:
-    near = inputs(np.random.default_rng(2), 40, 2, width=0.15)
-    far = inputs(np.random.default_rng(3), 1, 2, width=0.01)
+def test_a_far_particle_changes_nothing(model: NeuralModel) -> None:
+    near = random_inputs(np.random.default_rng(2), 40, 2, width=0.15)
+    far = random_inputs(np.random.default_rng(3), 1, 2, width=0.01)
     far["history"] += np.float32(0.7)
     both = {
         key: np.concatenate([near[key], far[key]], axis=near[key].ndim - 2) for key in near if key != "types"
@@ -74,18 +76,16 @@ def test_a_far_particle_changes_nothing(model: NeuralModel, inputs: Inputs) -> N
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 @pytest.mark.parametrize("kinematic", [0, 1, 2])
-def test_few_particles(
-    model: NeuralModel, model_3d: NeuralModel, inputs: Inputs, count: int, kinematic: int
-) -> None:
+def test_few_particles(model: NeuralModel, model_3d: NeuralModel, count: int, kinematic: int) -> None:
     for one, dim in ((model, 2), (model_3d, 3)):
-        given = inputs(np.random.default_rng(0), count, dim, kinematic=min(count, kinematic))
+        given = random_inputs(np.random.default_rng(0), count, dim, kinematic=min(count, kinematic))
         after = one.step(**given)
         assert after.shape == (count, dim)
         assert np.isfinite(after).all()
 
 
-def test_positions_end_at_the_walls(model: NeuralModel, inputs: Inputs) -> None:
-    given = inputs(np.random.default_rng(0), 30, 2)
+def test_positions_end_at_the_walls(model: NeuralModel) -> None:
+    given = random_inputs(np.random.default_rng(0), 30, 2)
     given["acceleration"][:15, 0] = -1e5
     after = model.step(**given)
     assert (after[:15, 0] == np.float32(0.1)).all()
@@ -93,8 +93,8 @@ def test_positions_end_at_the_walls(model: NeuralModel, inputs: Inputs) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_is_not_finite_does_not_hide_at_a_wall(model: NeuralModel, inputs: Inputs, value: float) -> None:
-    given = inputs(np.random.default_rng(0), 10, 2)
+def test_what_is_not_finite_does_not_hide_at_a_wall(model: NeuralModel, value: float) -> None:
+    given = random_inputs(np.random.default_rng(0), 10, 2)
     given["history"][2, 4] = value
     after = model.step(**given)
     assert np.isnan(after[4]).any()
@@ -114,8 +114,8 @@ def test_a_clump_is_refused(model: NeuralModel) -> None:
         model.step(x, np.full(925, 5), np.zeros((925, 2), np.float32), walls)
 
 
-def test_threads_may_share_a_model(model: NeuralModel, inputs: Inputs) -> None:
-    given = [inputs(np.random.default_rng(seed), 60 + 10 * seed, 2, width=0.15) for seed in range(4)]
+def test_threads_may_share_a_model(model: NeuralModel) -> None:
+    given = [random_inputs(np.random.default_rng(seed), 60 + 10 * seed, 2, width=0.15) for seed in range(4)]
     wanted = [model.step(**one) for one in given]
     found: dict[int, list[bool]] = {seed: [] for seed in range(4)}
 
@@ -131,8 +131,8 @@ def test_threads_may_share_a_model(model: NeuralModel, inputs: Inputs) -> None:
     assert all(len(same) == 20 and all(same) for same in found.values())
 
 
-def test_more_threads_compute_the_same(model_file: Path, model: NeuralModel, inputs: Inputs) -> None:
-    given = inputs(np.random.default_rng(0), 200, 2, width=0.2)
+def test_more_threads_compute_the_same(model_file: Path, model: NeuralModel) -> None:
+    given = random_inputs(np.random.default_rng(0), 200, 2, width=0.2)
     two = NeuralModel.load(model_file, threads=2)
     np.testing.assert_allclose(two.step(**given), model.step(**given), atol=1e-7)
     with pytest.raises(ConfigError, match=r"threads must be in \[1, 1024\], got 0"):
@@ -308,7 +308,95 @@ def test_every_file_among_the_weights_is_in_the_manifest() -> None:
     assert {file.name for file in manifest.WEIGHTS.iterdir()} == known | {"manifest.json"}
 
 
-def test_scene_is_checked_before_anything_is_made(model: NeuralModel) -> None:
-    scene = Scene.parse(scenarios.sand_2d(0).model_dump())
-    with pytest.raises(ConfigError, match="the scene has sand"):
-        physics.NeuralPhysics(scene, model)
+MODELS = physics.models()
+SERVED = [(name, scenario) for name, entry in MODELS.items() for scenario in entry.scenarios]
+CPU_SIZED = [entry for entry in MODELS.values() if entry.parameters < 200_000]
+
+
+def dim_of(name: str) -> int:
+    return scenarios.describe(MODELS[name].scenarios[0]).dim
+
+
+def scene_with(dim: int, lower: list[float], upper: list[float], kind: str, velocity: list[float]) -> Scene:
+    body = {"shape": "box", "lower": lower, "upper": upper, "velocity": velocity, "material": {"kind": kind}}
+    resolution = 128 if dim == 2 else 64
+    return Scene.parse({"dim": dim, "resolution": resolution, "bodies": [body]})
+
+
+def mirrored(scene: Scene) -> Scene:
+    """Swap left and right of a scene whose walls are at 0.1 and 0.9."""
+    plain = scene.model_dump(exclude_none=True)
+    for body in plain["bodies"]:
+        low, high = body["lower"][0], body["upper"][0]
+        body["lower"] = [1.0 - high, *body["lower"][1:]]
+        body["upper"] = [1.0 - low, *body["upper"][1:]]
+        body["velocity"] = [-body["velocity"][0], *body["velocity"][1:]]
+    return Scene.parse(plain)
+
+
+def test_every_scenario_has_a_model_of_cpu_size() -> None:
+    served = {scenario for model in CPU_SIZED for scenario in model.scenarios}
+    assert served == set(scenarios.NAMES)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_block_in_free_fall_accelerates_as_gravity_says(name: str) -> None:
+    dim, r_t = dim_of(name), MODELS[name].r_t
+    kinds = {
+        material.kind for served in MODELS[name].scenarios for material in scenarios.get(served, 0).materials
+    }
+    for kind in sorted(kinds):
+        scene = scene_with(
+            dim, [0.4] + [0.6] * (dim - 1), [0.6] + [0.8] * (dim - 1), kind, [0.5] + [0.0] * (dim - 1)
+        )
+        fall = NeuralPhysics(scene, name)
+        fall.advance(5 * r_t)
+        steps = 3
+        centres = []
+        for _ in range(steps + 2):
+            centres.append(np.average(fall.positions.astype(float), axis=0, weights=fall.mass))
+            fall.advance(r_t)
+        dt = r_t * scene.frame_dt
+        acceleration = np.diff(centres, n=2, axis=0).mean(axis=0) / dt**2
+        assert np.allclose(acceleration, scene.gravity, atol=0.02 * 9.81), (kind, acceleration)
+
+
+@pytest.mark.parametrize(("name", "scenario"), SERVED)
+def test_a_rollout_stays_finite_and_in_the_box(name: str, scenario: str) -> None:
+    """Ten times the nine steps of the longest window of training, or an error that says what happened."""
+    scene = scenarios.get(scenario, 1_100_007)
+    run = NeuralPhysics(scene, name)
+    for _ in range(10):
+        try:
+            run.advance(9 * MODELS[name].r_t)
+        except SimulationError as error:
+            pytest.fail(f"{name} on {scenario}: {error}")
+        assert np.isfinite(run.positions).all()
+        assert (run.positions >= np.float32(scene.walls.lower) - 1e-6).all()
+        assert (run.positions <= np.float32(scene.walls.upper) + 1e-6).all()
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_left_and_right_are_alike(name: str) -> None:
+    """Trained on mirrored windows, a network is nearly symmetric: centres of mass agree within 2 cm."""
+    dim = dim_of(name)
+    # In space a slice, for time: left and right are along the first axis.
+    lower, upper = [0.15, 0.15, 0.15][:dim], [0.35, 0.4, 0.3][:dim]
+    scene = scene_with(dim, lower, upper, "water", [0.5, 0.0, 0.0][:dim])
+    one, other = (NeuralPhysics(each, name) for each in (scene, mirrored(scene)))
+    for run in (one, other):
+        run.advance(100)
+    centres = [np.average(run.positions, axis=0, weights=run.mass) for run in (one, other)]
+    assert centres[0][0] == pytest.approx(1.0 - centres[1][0], abs=0.02)
+    assert centres[0][1:] == pytest.approx(centres[1][1:], abs=0.02)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_knows_where_it_comes_from(name: str) -> None:
+    about = physics.NeuralModel.load(name).info
+    assert about.spec.scenarios == MODELS[name].scenarios
+    assert about.training["command"].startswith("hybridmpm train physics")
+    assert {row["scenario"] for row in about.errors} == set(MODELS[name].scenarios)
+    assert about.solver_versions == MODELS[name].solver_versions
+    versions = ", ".join(map(str, about.solver_versions))
+    assert f"| solver | version {versions} |" in (WEIGHTS / f"{name}.md").read_text(encoding="utf-8")

@@ -7,22 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import torch
+from tests.python.physics.conftest import TorchStepper, make_simulator
 
-from hybridmpm import (
-    Ball,
-    ConfigError,
-    DomainError,
-    ForceError,
-    MpmSolver,
-    NeuralPhysics,
-    NonFiniteError,
-    Scene,
-    scenarios,
-)
+from hybridmpm import Ball, DomainError, MpmSolver, NeuralPhysics, NonFiniteError, Scene, scenarios
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.track import StepPath, Track, warmup_frames
-from hybridmpm.recording import record
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
 
 _Floats = npt.NDArray[np.float32]
@@ -47,11 +37,11 @@ def falling(r_t: int = 4, *, show_all: bool = True) -> NeuralPhysics:
 
 
 @pytest.mark.parametrize("r_t", [1, 4, 16])
-def test_zero_decoder_is_free_fall(simulator_of: Any, torch_stepper: Any, r_t: int) -> None:
+def test_zero_decoder_is_free_fall(r_t: int) -> None:
     """A network that answers zero leaves the known acceleration: g within 2 %, here to rounding."""
-    simulator = simulator_of(scale=0.0, r_t=r_t)
+    simulator = make_simulator(scale=0.0, r_t=r_t)
     simulator.acceleration_mean.zero_()
-    physics = NeuralPhysics(FALL, torch_stepper(simulator))
+    physics = NeuralPhysics(FALL, TorchStepper(simulator))
     physics.advance(5 * r_t)
     start, v = physics.positions.mean(0), physics.velocities.mean(0)
     path = physics.rollout(24).mean(1)
@@ -96,7 +86,7 @@ def test_first_frames_are_the_solvers() -> None:
     assert physics.positions.dtype == physics.velocities.dtype == np.float32
 
 
-def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_copying_test(monkeypatch: pytest.MonkeyPatch) -> None:
     """A network that is handed the recorded accelerations rolls out to the recorded positions.
 
     All its answers count here: it is told what no network can know, as that a ramp comes within one step.
@@ -105,7 +95,7 @@ def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: py
     monkeypatch.setattr(
         "hybridmpm.training.physics.network.simulator.answer_weights", lambda *_, **__: everywhere
     )
-    simulator = simulator_of()
+    simulator = make_simulator()
     scene, steps, r_t = scenarios.water_ramps_2d(2), 30, 4
     truth = MpmSolver(scene, r_p=1 / 8).rollout((5 + steps) * r_t)[::r_t].astype(np.float64)
     answers = iter(_residuals(truth, simulator))
@@ -116,7 +106,7 @@ def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: py
         return found
 
     simulator.network.forward = answer
-    physics = NeuralPhysics(scene, torch_stepper(simulator), show_all=False)
+    physics = NeuralPhysics(scene, TorchStepper(simulator), show_all=False)
     path = physics.rollout((5 + steps) * r_t)[::r_t]
     # Rounding to float32 at each step, 6e-8, adds up twice over 30 steps.
     np.testing.assert_allclose(path, truth, atol=2e-5)
@@ -129,35 +119,6 @@ def _residuals(truth: npt.NDArray[np.float64], simulator: LearnedSimulator) -> l
     bend = np.diff(truth, n=2, axis=0)[4:] - np.array([0.0, -9.81]) * simulator.spec.step_dt**2
     normal = (bend - scales.acceleration_mean) / scales.acceleration_std
     return [torch.tensor(row, dtype=torch.float32) for row in normal]
-
-
-def test_advancing_in_parts_is_the_same(model: NeuralModel) -> None:
-    scene = scenarios.water_2d(5)
-    whole, parts = NeuralPhysics(scene, model), NeuralPhysics(scene, model)
-    path = whole.rollout(50)
-    for count in (0, 1, 2, 19, 5, 3, 20):
-        parts.advance(count)
-    np.testing.assert_array_equal(parts.positions, path[-1])
-    np.testing.assert_array_equal(parts.velocities, whole.velocities)
-    twin = parts.copy()
-    twin.advance(7)
-    np.testing.assert_array_equal(parts.positions, path[-1])
-    parts.advance(7)
-    np.testing.assert_array_equal(parts.positions, twin.positions)
-    parts.reset()
-    assert (parts.frame, parts.time) == (0, 0.0)
-    np.testing.assert_array_equal(parts.rollout(50), path)
-
-
-def test_recording(model: NeuralModel) -> None:
-    physics = NeuralPhysics(scenarios.water_ramps_2d(1), model)
-    recording = record(physics, 30, every=10)
-    assert recording.frames.tolist() == [0, 10, 20, 30]
-    np.testing.assert_array_equal(recording.positions[-1], physics.positions)
-    assert recording.positions.shape[1] == physics.particle_count
-    assert set(recording.types) == {5}
-    assert np.isfinite(recording.positions).all()
-    assert np.isfinite(recording.velocities).all()
 
 
 def test_long_rollouts_stay_within_the_walls(model: NeuralModel) -> None:
@@ -194,32 +155,6 @@ def test_a_force_within_a_step_gives_its_impulse() -> None:
         assert np.abs(np.diff(path, axis=0)).max() <= 1.6 * 3 * 8.0 * 0.0025 * 0.0025
 
 
-def test_force_is_checked() -> None:
-    physics = falling()
-    n = physics.particle_count
-    for shape in ((n + 1, 2), (n, 3), (4, n, 2)):
-        with pytest.raises(ForceError, match=r"\(\d+, 2\) or \(3, \d+, 2\), or be a function"):
-            physics.advance(3, np.zeros(shape))
-    with pytest.raises(ConfigError, match=r"frames must be in \[0, 1000000\], got -1"):
-        physics.advance(-1)
-    assert physics.frame == 0
-
-
-@pytest.mark.parametrize("frame", [20, 22])
-def test_a_force_that_is_not_finite_is_refused(frame: int) -> None:
-    physics = falling()
-    physics.advance(frame)
-    before = physics.positions
-    push = np.zeros((physics.particle_count, 2))
-    push[7, 1] = np.nan
-    with pytest.raises(ForceError, match=r"force must be finite, got nan at \[7, 1\]"):
-        physics.advance(1, push)
-    assert physics.frame == frame
-    np.testing.assert_array_equal(physics.positions, before)
-    physics.advance(4)
-    assert physics.frame == frame + 4
-
-
 @pytest.mark.parametrize(
     ("value", "kind", "message"),
     [
@@ -247,26 +182,6 @@ def test_failing_networks_are_told(value: float, kind: type[Exception], message:
     good.advance(24)
     np.testing.assert_array_equal(physics.positions, good.positions)
     np.testing.assert_array_equal(physics.velocities, good.velocities)
-
-
-def test_obstacles_take_part_as_particles() -> None:
-    seen: list[tuple[_Floats, npt.NDArray[np.int64]]] = []
-    fall = FREE_FALL.step
-
-    def step(history: _Floats, types: npt.NDArray[np.int64], *rest: Any) -> _Floats:
-        seen.append((history, types))
-        return fall(history, types, *rest)
-
-    scene = scenarios.water_ramps_2d(3)
-    physics = NeuralPhysics(scene, Stand(step), show_all=False)
-    physics.advance(21)
-    history, types = seen[0]
-    n = physics.particle_count
-    assert (types[:n] == 5).all()
-    assert (types[n:] == 3).all()
-    assert len(types) > n
-    assert (history[:, n:] == history[0, n:]).all()
-    np.testing.assert_array_equal(history[:, :n], MpmSolver(scene, r_p=1 / 8).rollout(20)[::4])
 
 
 def test_an_impact_is_a_straight_line() -> None:

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, BallObstacle, Box, BoxObstacle, Motion, MpmSolver, Scene, SceneError, _native
+from hybridmpm import Ball, BallObstacle, BoxObstacle, Motion, MpmSolver, Scene, SceneError, _native
 from hybridmpm.export import Style, save
 from hybridmpm.recording import record
 from hybridmpm.render import view_of
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "wave-maker.yaml"
-PUSH = Motion(velocity=(0.5, 0.0))
 
 
 def scene(motion: Any, dim: int = 2, **obstacle: Any) -> Scene:
@@ -28,8 +27,6 @@ def scene(motion: Any, dim: int = 2, **obstacle: Any) -> Scene:
     [
         ({}, "", "must have a velocity, an angular_velocity or both"),
         ("fast", "", "Motion must be an object with named fields"),
-        ({"velocity": [60, 0]}, ".velocity[0]", "must be in [-50, 50] m/s, got 60"),
-        ({"velocity": [1, 0, 0]}, ".velocity", "must have dim = 2 numbers, got 3"),
         ({"angular_velocity": 1}, ".center", "is required with angular_velocity"),
         ({"velocity": [1, 0], "center": [0.5, 0.5]}, ".center", "needs an angular_velocity"),
         ({"angular_velocity": 1, "center": [0, 0, 0]}, ".center", "must have dim = 2 numbers, got 3"),
@@ -39,10 +36,8 @@ def scene(motion: Any, dim: int = 2, **obstacle: Any) -> Scene:
             ".angular_velocity",
             "must be in [-1000, 1000] rad/s, got 10000",
         ),
-        ({"angular_velocity": "x", "center": [0, 0]}, ".angular_velocity", "should be a valid number"),
         ({"velocity": [1, 0], "phase": 0.5}, ".phase", "needs a period"),
         ({"velocity": [1, 0], "period": 1, "phase": 1}, ".phase", "must be in [0, 1), got 1"),
-        ({"velocity": [1, 0], "period": 0}, ".period", "must be in (0, 10000] s, got 0"),
         ({"velocity": [1, 0], "speed": 2}, ".speed", "unknown field"),
     ],
 )
@@ -64,15 +59,6 @@ def test_in_3d_a_rotation_has_an_axis() -> None:
     solver.advance(2)
 
 
-@pytest.mark.parametrize("turn", [None, 2, [0.0, 1.0, 2.0]])
-def test_scenes_with_motions_survive_json_and_yaml(turn: Any) -> None:
-    dim = 3 if isinstance(turn, list) else 2
-    rotation = {} if turn is None else {"angular_velocity": turn, "center": (0.4,) * dim}
-    original = scene({"velocity": (0.1,) * dim, "period": 0.5, "phase": 0.75} | rotation, dim)
-    assert Scene.from_json(original.to_json()) == original
-    assert Scene.from_yaml(original.to_yaml()) == original
-
-
 def test_the_core_places_solids_by_the_documented_formula() -> None:
     velocity, turn, period, phase, time = np.array([0.3, -0.2]), 3.0, 0.6, 0.2, 0.47
     center = np.array([0.5, 0.4])
@@ -91,17 +77,6 @@ def test_the_core_places_solids_by_the_documented_formula() -> None:
     np.testing.assert_allclose(solid.moved(corner, 0.0), corner, atol=1e-7)
     with pytest.raises(_native.ConfigError, match="angular_velocity needs a center"):
         solid.moving(angular_velocity=[1.0])
-
-
-def test_particles_stay_in_front_of_what_pushes_them() -> None:
-    piston = BoxObstacle(lower=(0.1, 0.0), upper=(0.2, 0.6), motion=PUSH)
-    water = Box(material="water", lower=(0.2, 0.1), upper=(0.5, 0.3))
-    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=(water,), obstacles=(piston,)))
-    solver.advance(100)
-    native = piston.to_native()
-    assert native.signed_distance(solver.positions, solver.time).min() > -1e-5
-    assert native.signed_distance(solver.positions).min() > 0.1
-    assert solver.diagnostics().momentum[0] > 0
 
 
 def test_too_fast_an_obstacle_is_an_error_that_says_so(tmp_path: Path) -> None:
@@ -152,7 +127,7 @@ def test_pictures_in_3d_show_obstacles_where_they_are() -> None:
 
 def test_exported_pictures_follow_the_recording(tmp_path: Path) -> None:
     """A picture of the last state shows the obstacle at the time of that state."""
-    ball = BallObstacle(center=(0.3, 0.6), radius=0.1, motion=PUSH)
+    ball = BallObstacle(center=(0.3, 0.6), radius=0.1, motion=Motion(velocity=(0.5, 0.0)))
     drop = Ball(material="sand", center=(0.7, 0.3), radius=0.03)
     solver = MpmSolver(Scene(dim=2, resolution=32, bodies=(drop,), obstacles=(ball,)))
     recording = record(solver, 80, every=40)

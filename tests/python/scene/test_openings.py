@@ -1,17 +1,17 @@
-"""Emitters and sinks: the balance of mass, what stops an emitter, and who is who afterwards."""
+"""Emitters and sinks: the balance of mass, what stops an emitter, and what is refused."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.python.conftest import native_solver
 
 from hybridmpm import (
     Box,
     BoxObstacle,
     BoxSink,
     ConfigError,
-    ForceError,
     Motion,
     MpmBatch,
     MpmSolver,
@@ -23,6 +23,7 @@ from hybridmpm import (
     SegmentObstacle,
     SnapshotError,
     Walls,
+    _native,
 )
 from hybridmpm.export import Style, save
 from hybridmpm.recording import record
@@ -230,21 +231,6 @@ def test_threads_cuts_and_companions_do_not_change_a_bit(dim: int) -> None:
         assert np.array_equal(other.ids, whole.ids)
 
 
-def test_a_file_goes_on_in_the_middle_of_emission(tmp_path: Path) -> None:
-    solver = MpmSolver(fountain(2))
-    solver.advance(43)
-    solver.save(tmp_path / "state.hmpm")
-    resumed = MpmSolver.load(tmp_path / "state.hmpm")
-    assert resumed.emitters == solver.emitters
-    solver.advance(40)
-    resumed.advance(40)
-    assert resumed.snapshot() == solver.snapshot()
-    assert resumed.diagnostics().removed_mass == solver.diagnostics().removed_mass
-    solver.reset()
-    assert solver.frame == 0
-    assert solver.diagnostics().emitted_mass == 0
-
-
 def test_snapshots_of_other_openings_are_refused() -> None:
     moved = scene(JET.model_copy(update={"velocity": (0.0, -1.0)}))
     with pytest.raises(SnapshotError, match="other settings"):
@@ -267,22 +253,6 @@ def test_a_full_scene_stops_the_emitter_with_a_warning_and_goes_on_when_there_is
     batch = MpmBatch([narrow])
     with pytest.warns(ParticleLimitWarning):
         batch.advance(100)
-
-
-def test_forces_belong_to_the_particles_of_one_frame() -> None:
-    solver = MpmSolver(scene(JET, gravity=(0.0, 0.0)))
-    solver.advance(20)
-    lift = np.zeros((solver.particle_count, 2))
-    lift[:, 0] = 2.0
-    with pytest.raises(ForceError, match="rows without ids are for one frame only"):
-        solver.advance(2, lift)
-    assert solver.frame == 20
-    before = solver.diagnostics()
-    solver.advance(1, lift)
-    gained = solver.diagnostics().momentum[0] - before.momentum[0]
-    assert gained == pytest.approx(2.0 * 0.0025 * before.mass, rel=1e-3)
-    with pytest.raises(ForceError, match="force must have shape"):
-        solver.advance(1, lift[:5])
 
 
 def test_what_needs_a_fixed_number_of_particles_says_so() -> None:
@@ -315,18 +285,6 @@ def test_recordings_have_a_column_for_each_particle_ever_present(tmp_path: Path)
     save(tmp_path / "film.gif", recording, Style(width=120))
 
 
-def test_pictures_of_3d_leave_out_who_is_not_there(tmp_path: Path) -> None:
-    recording = record(MpmSolver(fountain(3)), 40, every=20)
-    save(tmp_path / "strip.png", recording, Style(width=100, strip=3))
-
-
-def test_scenes_with_sources_survive_their_text_forms() -> None:
-    for dim in (2, 3):
-        original = fountain(dim)
-        assert Scene.from_json(original.to_json()) == original
-        assert Scene.from_yaml(original.to_yaml()) == original
-
-
 @pytest.mark.filterwarnings("ignore::hybridmpm.ThinObstacleWarning")  # on this coarse grid
 def test_the_example_runs_and_its_pool_stands_between_spout_and_drain() -> None:
     example = Scene.load(EXAMPLE)
@@ -346,3 +304,93 @@ def test_stiffness_follows_the_height_of_the_opening() -> None:
     assert scene(jet).potential_drop == pytest.approx(9.81 * 0.7)
     with pytest.raises(SceneError, match="needs gravity above 0"):
         scene(jet, gravity=(0.0, 0.0))
+
+
+ROUND = {"shape": "round", "material": "water", "center": [0.5, 0.5], "radius": 0.05, "velocity": [1, 0]}
+FLAT = {
+    "shape": "rectangle",
+    "material": "water",
+    "lower": [0.4, 0.5],
+    "upper": [0.6, 0.5],
+    "velocity": [0, 1],
+}
+
+
+@pytest.mark.parametrize(
+    ("emitter", "field", "message"),
+    [
+        (ROUND | {"velocity": [0, 0]}, ".velocity", "must not be zero"),
+        (ROUND | {"velocity": [1, 0, 0]}, ".velocity", "must have dim = 2 numbers, got 3"),
+        (ROUND | {"start": 1, "stop": 0.5}, ".stop", "must be above start = 1, got 0.5"),
+        (ROUND | {"center": [0.88, 0.5], "velocity": [20, 0]}, "", "must lie inside the walls"),
+        (FLAT | {"velocity": [1, 1]}, ".velocity", "must be along one axis"),
+        (FLAT | {"lower": [0.4, 0.5, 0.5]}, ".lower", "must have as many numbers as upper and velocity"),
+        (FLAT | {"velocity": [1, 0]}, ".upper[0]", "must be equal to lower[0] = 0.4"),
+        (
+            FLAT | {"upper": [0.6, 0.6]},
+            ".upper[1]",
+            "must be equal to lower[1] = 0.5, because velocity[1] is 1",
+        ),
+        (FLAT | {"rate": 2}, ".rate", "unknown field"),
+    ],
+)
+def test_bad_emitters_are_refused_with_the_path_of_the_field(
+    emitter: dict[str, Any], field: str, message: str
+) -> None:
+    with pytest.raises(SceneError) as caught:
+        Scene.parse({"dim": 2, "bodies": [], "emitters": [emitter]})
+    where, text = caught.value.problems[0]
+    assert where == f"emitters[0]{field}"
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"material": 3}, r"emitters\[0\]\.material must be an index into materials, got 3"),
+        ({"velocity": [0.0, 0.0]}, r"velocity must be finite and not zero"),
+        ({"spacing": 0.0}, r"spacing must be finite and > 0"),
+        ({"start": 2.0, "stop": 1.0}, r"start must be >= 0 s and before stop"),
+        (
+            {"sites": np.full((1, 2), 0.95, np.float32)},
+            r"sites must be an opening whose material stays inside",
+        ),
+        ({"sites": np.zeros((0, 2), np.float32), "jitter": np.zeros((1, 0, 2), np.float32)}, "one or more"),
+        ({"jitter": np.zeros((4, 2, 2), np.float32)}, r"jitter must have a shape that ends in \[1, 2\]"),
+        ({"sites": [0.5, 0.5]}, r"sites must be float32 of shape \(n, D\)"),
+    ],
+)
+def test_the_core_checks_emitters_of_its_own_users(change: dict[str, Any], message: str) -> None:
+    emitter: dict[str, Any] = {
+        "material": 0,
+        "velocity": [0.0, -1.0],
+        "spacing": 0.01,
+        "sites": np.full((1, 2), 0.5, dtype=np.float32),
+        "jitter": np.zeros((2, 1, 2), dtype=np.float32),
+        "mass": 0.1,
+        "volume": 1e-4,
+    }
+    water = _native.Material.water(density=1000.0, bulk_modulus=1e5)
+    with pytest.raises(ConfigError, match=message):
+        native_solver(
+            np.zeros((0, 2)), 0.0, water, resolution=32, emitters=[_native.Emitter(**emitter | change)]
+        )
+
+
+def test_bad_sinks_and_scenes_without_anything_are_refused() -> None:
+    sink = {"shape": "box", "lower": [0.1, 0.1], "upper": [0.1, 0.2]}
+    with pytest.raises(SceneError, match=r"sinks\[0\]\.upper\[0\]: must be above lower\[0\]"):
+        Scene.parse({"dim": 2, "bodies": [], "emitters": [ROUND], "sinks": [sink]})
+    ball = {"shape": "ball", "center": [0.5, 0.5, 0.5], "radius": 0.1}
+    with pytest.raises(SceneError, match=r"sinks\[0\]\.center: must have dim = 2 numbers, got 3"):
+        Scene.parse({"dim": 2, "bodies": [], "emitters": [ROUND], "sinks": [ball]})
+    with pytest.raises(
+        SceneError, match="bodies: must have 1 or more items, got 0; only a scene with emitters needs none"
+    ):
+        Scene.parse({"dim": 2, "bodies": []})
+
+
+def test_an_obstacle_at_rest_before_the_opening_is_refused() -> None:
+    lid = BoxObstacle(lower=(0.45, 0.8), upper=(0.55, 0.848))
+    with pytest.raises(SceneError, match=r"emitters\[0\]: must open into free space, but obstacles\[0\]"):
+        MpmSolver(scene(JET, obstacles=(lid,)))

@@ -7,15 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hybridmpm import (
-    BatchError,
-    ForceError,
-    MpmBatch,
-    MpmSolver,
-    RectangularEmitter,
-    Scene,
-    Simulator,
-)
+from hybridmpm import BatchError, ForceError, MpmBatch, MpmSolver, RectangularEmitter, Scene, Simulator
 from hybridmpm.force import total_force
 
 Make = Callable[[], Simulator]

@@ -3,14 +3,13 @@
 import base64
 import io
 import re
-import sys
 from collections.abc import Callable
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image, ImageShow
+from tests.python.notebooks.runner import Shell, as_ipython
 
 from hybridmpm import (
     Ball,
@@ -117,49 +116,18 @@ def test_a_notebook_shows_a_scene_as_a_drawing() -> None:
     assert scenarios.water_3d(1)._repr_html_().count("<rect ") >= 2
 
 
-class Shell:
-    """What IPython is to the library."""
-
-    def __init__(self, *, kernel: bool) -> None:
-        self.kernel = object() if kernel else None
-        self.execution_count = 1
-        self.shown: list[dict[str, Any]] = []
-
-    def display(self, bundle: dict[str, Any], *, raw: bool, display_id: bool) -> SimpleNamespace:
-        assert raw
-        assert display_id
-        place = len(self.shown)
-        self.shown.append(bundle)
-
-        def update(newer: dict[str, Any], *, raw: bool) -> None:
-            assert raw
-            self.shown[place] = newer
-
-        return SimpleNamespace(update=update)
-
-
-def _within(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> Shell:
-    module = ModuleType("IPython")
-    vars(module).update(get_ipython=lambda: shell, display=SimpleNamespace(display=shell.display))
-    monkeypatch.setitem(sys.modules, "IPython", module)
-    return shell
-
-
-def test_pictures_of_one_cell_take_the_place_of_each_other(
-    falling_block: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shell = _within(Shell(kernel=True), monkeypatch)
-    solver, other = MpmSolver(falling_block), MpmSolver(falling_block)
-    solver.show(100)
-    other.show(100)
-    solver.advance(3)
-    solver.show(200)
-    captions = [bundle["text/plain"] for bundle in shell.shown]
-    assert captions == [repr(solver), repr(other)]
-    assert [_pictures(bundle["text/html"]) for bundle in shell.shown] == [[(200, 200)], [(100, 100)]]
-    shell.execution_count += 1
-    solver.show(100)
-    assert len(shell.shown) == 3
+def test_pictures_of_one_cell_take_the_place_of_each_other(falling_block: Scene) -> None:
+    shell, solver, other = Shell(), MpmSolver(falling_block), MpmSolver(falling_block)
+    with as_ipython(shell):
+        solver.show(100)
+        other.show(100)
+        solver.advance(3)
+        solver.show(200)
+        assert [bundle["text/plain"] for bundle in shell.outputs] == [repr(solver), repr(other)]
+        assert [_pictures(bundle["text/html"]) for bundle in shell.outputs] == [[(200, 200)], [(100, 100)]]
+        shell.execution_count += 1
+        solver.show(100)
+    assert len(shell.outputs) == 3
     with pytest.raises(ConfigError, match=r"width must be in \[64, 4096\]"):
         solver.show(10)
 
@@ -167,7 +135,6 @@ def test_pictures_of_one_cell_take_the_place_of_each_other(
 def test_outside_of_notebooks_a_picture_is_shown_by_the_systems_viewer(
     falling_block: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    _within(Shell(kernel=False), monkeypatch)
     seen: list[tuple[int, int]] = []
 
     def view(picture: Image.Image, **_: str) -> bool:
@@ -175,10 +142,11 @@ def test_outside_of_notebooks_a_picture_is_shown_by_the_systems_viewer(
         return len(seen) == 1
 
     monkeypatch.setattr(ImageShow, "show", view)
-    MpmSolver(falling_block).show(300)
-    assert seen == [(300, 300)]
-    with pytest.raises(ExportError, match="no program here to show pictures: use a notebook"):
-        MpmSolver(falling_block).show()
+    with as_ipython(Shell(kernel=False)):
+        MpmSolver(falling_block).show(300)
+        assert seen == [(300, 300)]
+        with pytest.raises(ExportError, match="no program here to show pictures: use a notebook"):
+            MpmSolver(falling_block).show()
 
 
 SHOWN = ("positions", "velocities", "ids", "materials", "mass", "coarse_positions")
@@ -211,7 +179,6 @@ def test_carried_particles_and_those_of_the_core_cannot_be_written_either() -> N
     _assert_read_only(
         core, ("positions", "velocities", "ids", "material", "mass", "affine", "volume_ratio", "asleep")
     )
-    assert solver._upsampler is not None
     _assert_read_only(solver._upsampler._native, ("ids", "material", "mass"))
 
 

@@ -23,7 +23,8 @@ from hybridmpm import (
     simulators,
 )
 from hybridmpm._support.packing import from_bytes, to_bytes
-from hybridmpm.hybrid import Audit, Cosine, Density, Guard, GuardInput, Stage
+from hybridmpm.decisions import Decision, Span, frames_of_mpm, spans
+from hybridmpm.hybrid import Audit, Density, Guard, GuardInput, Stage
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 
@@ -69,22 +70,6 @@ def test_going_on_from_a_file_gives_the_same_bits(make: Make, frame: int, tmp_pa
         assert_same(one, simulator)
 
 
-def test_copies_and_resets_are_independent(make: Make) -> None:
-    simulator, fresh = make(), make()
-    simulator.advance(26)
-    twin = simulator.copy()
-    simulator.advance(30)
-    assert twin.frame == 26
-    twin.advance(30)
-    assert_same(twin, simulator)
-    simulator.reset()
-    assert_same(simulator, fresh)
-    simulator.advance(30)
-    fresh.advance(30)
-    assert_same(simulator, fresh)
-    assert twin.frame == 56
-
-
 def test_what_a_simulator_tells_of_itself(make: Make) -> None:
     simulator = make()
     network_comes = simulator.kind != "mpm"
@@ -92,7 +77,6 @@ def test_what_a_simulator_tells_of_itself(make: Make) -> None:
     assert simulator.r_t == (4 if network_comes else 1)
     assert (simulator.mode, simulator.last_frame, simulator.mpm_share) == ("mpm", None, 1.0)
     simulator.advance(10)
-    assert simulator.last_frame is not None
     assert simulator.last_frame.substeps >= 1
     simulator.advance(16)
     assert simulator.mode == ("neural" if network_comes else "mpm")
@@ -249,16 +233,6 @@ def test_a_network_of_another_step_is_refused(make: Make, frame: int, tmp_path: 
         load(file, model=tmp_path / "absent.onnx")
 
 
-def test_a_network_without_a_name_is_given_again(tmp_path: Path) -> None:
-    scene, file = scenarios.water_2d(1), tmp_path / "state.hmpm"
-    weights = Path(inspect.getfile(NeuralModel)).parent / "weights" / "fluids_2d.onnx"
-    unnamed = NeuralModel(weights.read_bytes(), where="mine")
-    NeuralPhysics(scene, unnamed).save(file)
-    with pytest.raises(SnapshotError, match="a network of your own: give it as `model`"):
-        load(file)
-    assert load(file, model=unnamed).frame == 0
-
-
 def test_numbers_of_numpy_are_saved_as_settings(falling_block: Scene, tmp_path: Path) -> None:
     file = tmp_path / "state.hmpm"
     MpmSolver(falling_block, cfl=np.float32(0.3), allow_unstable=bool(np.True_)).save(file)
@@ -267,17 +241,6 @@ def test_numbers_of_numpy_are_saved_as_settings(falling_block: Scene, tmp_path: 
     HybridSimulator.load(file)
     with pytest.raises(ConfigError, match="period must be in"):
         Audit(period=0)
-
-
-def test_a_snapshot_knows_its_guards(falling_block: Scene) -> None:
-    one = HybridSimulator(falling_block, "zero", guards=["cosine"])
-    other = HybridSimulator(falling_block, "zero", guards=["drift"])
-    with pytest.raises(SnapshotError, match="made with other guards: cosine"):
-        other.restore(one.snapshot())
-
-
-def test_the_threshold_told_is_that_of_the_guard_given(falling_block: Scene) -> None:
-    assert HybridSimulator(falling_block, "zero", guards=[Cosine(0.3)]).r_c == 0.3
 
 
 @dataclass(eq=False)
@@ -302,11 +265,7 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
     magic, version = {"neural": (b"HMPMNEUR", 3), "hybrid": (b"HMPMHYBR", 4)}[simulator.kind]
     tree = from_bytes(magic, version, simulator.snapshot())
     before = simulator.snapshot()
-    wrong: list[dict[str, Any]] = [
-        {},
-        {**tree, "network": 3},
-        {**tree, "shown": "x", "mode": "x"},
-    ]
+    wrong: list[dict[str, Any]] = [{}, {**tree, "network": 3}, {**tree, "shown": "x", "mode": "x"}]
     for one in wrong:
         with pytest.raises(SnapshotError):
             simulator.restore(to_bytes(magic, version, one))
@@ -348,3 +307,71 @@ def test_a_frame_that_fails_leaves_the_state_before_it(falling_block: Scene, gua
             assert (now.mpm.frame, now.network.steps) == (then.mpm.frame, then.network.steps)
             assert now.mpm.snapshot() == then.mpm.snapshot()
             assert (now.backoff, len(now.checkpoints)) == (then.backoff, len(then.checkpoints))
+
+
+MAGIC = b"HMPMTEST"
+
+
+def test_a_tree_comes_back() -> None:
+    tree: dict[str, Any] = {
+        "numbers": [1, 2.5, float("inf"), None, True, "text"],
+        "array": np.arange(6, dtype=np.float32).reshape(2, 3),
+        "nested": {"bytes": b"\x00\xff", "list": [{"array": np.empty((0, 2))}, []]},
+        "numpy": np.float32(0.5),
+    }
+    data = to_bytes(MAGIC, 3, tree)
+    assert to_bytes(MAGIC, 3, tree) == data
+    again = from_bytes(MAGIC, 3, data)
+    assert again["numbers"] == tree["numbers"]
+    assert again["array"].dtype == np.float32
+    np.testing.assert_array_equal(again["array"], tree["array"])
+    assert again["nested"]["bytes"] == b"\x00\xff"
+    assert again["nested"]["list"][0]["array"].shape == (0, 2)
+    assert again["nested"]["list"][1] == []
+    assert again["numpy"] == 0.5
+
+
+def test_what_is_no_snapshot_is_refused() -> None:
+    data = to_bytes(MAGIC, 3, {"a": 1})
+    with pytest.raises(SnapshotError, match="no snapshot of this kind"):
+        from_bytes(b"HMPMELSE", 3, data)
+    with pytest.raises(SnapshotError, match="checksum does not match"):
+        from_bytes(MAGIC, 3, data[:-1])
+    with pytest.raises(SnapshotError, match="has version 3, but this hybridmpm reads version 4"):
+        from_bytes(MAGIC, 4, data)
+    with pytest.raises(SnapshotError, match="but not object"):
+        to_bytes(MAGIC, 3, {"a": object()})
+
+
+def decided(frame: int, mode: str, reason: str) -> Decision:
+    assert mode in ("mpm", "neural")
+    return Decision(
+        frame=frame, mode="mpm" if mode == "mpm" else "neural", value=None, reason=reason, noticed=frame
+    )
+
+
+START, IMPACT, CALM, UNDONE = (
+    decided(20, "neural", "warm-up"),
+    decided(60, "mpm", "impact"),
+    decided(100, "neural", "calm"),
+    decided(100, "mpm", "audit"),
+)
+
+
+def test_frames_belong_to_whoever_simulated_them_last() -> None:
+    log = [START, IMPACT, CALM]
+    assert spans(log, 120) == [
+        Span(1, 20, "mpm", None),
+        Span(21, 60, "neural", START),
+        Span(61, 100, "mpm", IMPACT),
+        Span(101, 120, "neural", CALM),
+    ]
+    assert frames_of_mpm(log, 120) == 60
+
+
+def test_what_was_undone_is_left_out_and_later_decisions_do_not_count() -> None:
+    log = [START, IMPACT, CALM, UNDONE]
+    assert spans(log, 120)[-1] == Span(61, 120, "mpm", IMPACT)
+    assert spans(log, 40) == [Span(1, 20, "mpm", None), Span(21, 40, "neural", START)]
+    assert spans([], 0) == []
+    assert spans([], 5) == [Span(1, 5, "mpm", None)]

@@ -15,7 +15,6 @@ from hybridmpm import HybridSimulator, NeuralPhysics, Scene, data, scenarios
 from hybridmpm.cli import cli
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.train.common import sources_of
-from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.learned.serving import why_foreign
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
@@ -63,21 +62,20 @@ def invoke(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(one) for one in arguments], prog_name="hybridmpm")
 
 
-def exported(folder: Path, kind: str, *arguments: object) -> Path:
-    run, file = folder / f"{kind}-run", folder / f"{kind}.onnx"
-    for command in (
-        ["train", kind, *arguments, *TINY, "--out", run, "--until", 1],
-        ["train", kind, *arguments, "--threads", 1, "--device", "cpu", "--out", run],
-        ["export", run / "checkpoint.pt", "--out", file],
-    ):
-        result = invoke(*command)
+def trained(folder: Path, kind: str, *arguments: object) -> Path:
+    """Return the checkpoint of a training of two steps that was interrupted after the first."""
+    out = folder / f"{kind}-run"
+    for more in ((*TINY, "--until", 1), ("--threads", 1, "--device", "cpu")):
+        result = invoke("train", kind, *arguments, *more, "--out", out)
         assert result.exit_code == 0, result.output
-    return file
+    return out / "checkpoint.pt"
 
 
 def test_physics_of_a_scene_file_runs_on_that_scene(folder: Path) -> None:
-    file = exported(folder, "physics", "--scene", folder / "own.yaml", "--data", folder / "data", *PHYSICS,
-                    "--r-p", "1/4", "--trajectories", 1, "--frames", 64)  # fmt: skip
+    options = (*PHYSICS, "--r-p", "1/4", "--trajectories", 1, "--frames", 64, "--data", folder / "data")
+    file = folder / "physics.onnx"
+    checkpoint = trained(folder, "physics", "--scene", folder / "own.yaml", *options)
+    assert invoke("export", checkpoint, "--out", file).exit_code == 0
     scene = data.SceneTemplate.load(folder / "own.yaml").draw(1_200_000)
     for simulator in (NeuralPhysics(scene, file), HybridSimulator(scene, file)):
         simulator.advance(28)
@@ -90,8 +88,9 @@ def test_physics_of_a_scene_file_runs_on_that_scene(folder: Path) -> None:
 
 
 def test_control_of_a_data_set_serves_that_scene(folder: Path) -> None:
-    file = exported(folder, "control", "--dataset", folder / "examples", "--width", 4)
-    spec = TransportNetwork(file.read_bytes(), where="file").spec
+    """An export keeps the description: test_transport.py."""
+    checkpoint = trained(folder, "control", "--dataset", folder / "examples", "--width", 4)
+    spec = TransportTrainer.load(checkpoint, torch.device("cpu")).spec
     assert spec.shortest == spec.longest == pytest.approx(0.2)
     scene = data.SceneTemplate.load(folder / "own.yaml").draw(1_200_000)
     assert why_foreign(scene, spec.trained_on) is None
@@ -104,7 +103,6 @@ def test_examples_of_control_lead_back_to_their_target(folder: Path) -> None:
     source = DataSet(folder / "examples")
     pasts = list(read_examples(source, "train"))
     (trajectory, _) = source.read("train")
-    assert trajectory.control is not None
     assert len(pasts) == 2
     fluid = trajectory.types != 3
     np.testing.assert_allclose(pasts[0].positions(0), trajectory.control.target[fluid], atol=2e-5)

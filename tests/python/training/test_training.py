@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from hybridmpm import Scene, data
+from hybridmpm import data
 from hybridmpm.data import metadata
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
-from hybridmpm.scene.particle_types import KINEMATIC, SAND, WATER
+from hybridmpm.scene.particle_types import KINEMATIC, WATER
 from hybridmpm.training import checkpoint, run
 from hybridmpm.training.physics import datasets
 from hybridmpm.training.physics.rollouts import errors, log_rollouts, rollout
@@ -28,13 +28,7 @@ from hybridmpm.training.sources import Drawn
 CPU = torch.device("cpu")
 Trajectories = list[data.Trajectory]
 SPEC = NetworkSpec(
-    scenarios=("water_2d",),
-    latent=16,
-    layers=2,
-    hidden_layers=1,
-    radius=0.04,
-    r_p=1 / 16,
-    r_t=4,
+    scenarios=("water_2d",), latent=16, layers=2, hidden_layers=1, radius=0.04, r_p=1 / 16, r_t=4
 )
 
 
@@ -225,7 +219,6 @@ def test_noise_leaves_kinematic_particles_where_they_are() -> None:
 
 def test_windows_begin_shortly_before_the_first_contact(trajectories: Trajectories) -> None:
     trajectory = trajectories[0]
-    assert trajectory.scene is not None
     steps = np.diff(trajectory.positions.astype(np.float64), n=2, axis=0) / SPEC.step_dt**2
     falling = np.linalg.norm(steps - np.array(trajectory.scene.gravity), axis=2).max(axis=1) < 1.0
     contact = int(np.flatnonzero(~falling)[0]) + 1
@@ -233,17 +226,13 @@ def test_windows_begin_shortly_before_the_first_contact(trajectories: Trajectori
     pushed = first_push(trajectory, SPEC.step_dt)
     assert contact <= pushed <= contact + 2
     windows = windows_of([trajectory], 1)
-    lowest = min(
+    begun = [
         float(windows.draw(np.random.default_rng(seed), size=1, unroll=1, noise_std=0.0).history[0, 0, 1])
         for seed in range(60)
-    )
-    highest = max(
-        float(windows.draw(np.random.default_rng(seed), size=1, unroll=1, noise_std=0.0).history[0, 0, 1])
-        for seed in range(60)
-    )
+    ]
     path = trajectory.positions[:, 0, 1]
-    assert highest <= path[pushed - HISTORY - 5] + 1e-6 < path[0] - 1e-3
-    assert lowest >= path.min() - 1e-6
+    assert max(begun) <= path[pushed - HISTORY - 5] + 1e-6 < path[0] - 1e-3
+    assert min(begun) >= path.min() - 1e-6
 
 
 def test_edges_join_only_particles_of_one_window() -> None:
@@ -300,30 +289,6 @@ def test_a_network_that_knows_the_accelerations_rolls_out_to_the_recorded_positi
     # Rounding alone: an error of an acceleration grows with the square of the steps.
     assert np.abs(found - trajectory.positions).max() < 1e-7 * len(path) ** 2
     assert errors(found, trajectory).max() < 1e-2
-
-
-def test_the_zero_network_is_free_fall(trajectories: Trajectories) -> None:
-    trainer = trainer_of(trajectories)
-    scales = dataclasses.replace(trainer.simulator.scales, acceleration_mean=(0.0, 0.0))
-    simulator = Trainer(trainer.spec, scales, trainer.settings, CPU).simulator
-    with torch.no_grad():
-        for weight in simulator.network.decoder.parameters():
-            weight.zero_()
-    t = np.arange(12)[:, None, None] * SPEC.step_dt
-    start = np.array([[0.5, 0.8], [0.3, 0.7]])
-    path = (start + [0.1, 0.0] * t + 0.5 * np.array([0.0, -9.81]) * t**2).astype(np.float32)
-    scene = Scene.parse(
-        {
-            "dim": 2,
-            "bodies": [
-                {"shape": "box", "lower": [0.3, 0.3], "upper": [0.5, 0.5], "material": {"kind": "water"}}
-            ],
-        }
-    )
-    fall = data.Trajectory(positions=path, types=np.array([WATER, SAND]), scene=scene)
-    found = rollout(simulator, fall)
-    acceleration = np.diff(found, n=2, axis=0)[HISTORY - 2 :] / SPEC.step_dt**2
-    assert np.allclose(acceleration.mean(axis=(0, 1)), [0.0, -9.81], atol=0.02 * 9.81)
 
 
 # Bad input.
@@ -391,9 +356,6 @@ def test_a_checkpoint_of_other_features_is_refused(trajectories: Trajectories, t
     ("change", "text"),
     [
         ({"latent": 0}, r"latent must be in \[1, 1024\], got 0"),
-        ({"layers": 65}, r"layers must be in \[1, 64\], got 65"),
-        ({"hidden_layers": 0}, "hidden_layers must be in"),
-        ({"r_t": 0}, "r_t must be in"),
         ({"r_p": 0.0}, r"r_p must be in \(0, 1\], got 0"),
         ({"radius": float("nan")}, r"radius must be in \(0, 1\] m"),
         ({"scenarios": ()}, "at least one scenario"),
@@ -410,7 +372,6 @@ def test_networks_that_cannot_be_are_refused(change: dict[str, Any], text: str) 
     ("change", "text"),
     [
         ({"steps": 0}, "steps must be in"),
-        ({"unroll": 33}, r"unroll must be in \[1, 32\]"),
         ({"noise": -1.0}, r"noise must be in \[0, 1\]"),
         ({"final_rate": 0.1}, "final_rate must be above 0 and at most learning_rate"),
     ],

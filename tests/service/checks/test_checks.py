@@ -1,10 +1,12 @@
-"""A check over HTTP has the findings of the library, and so has a session."""
+"""Checks and plans over HTTP are those of the library, and so is what a session has of them."""
 
 from typing import Any
 
 import pytest
+from tests.service.conftest import SMALL_SCENE, problem
 
-from hybridmpm import Scene, check, scenarios
+from hybridmpm import Scene, check, plan, scenarios
+from hybridmpm.client import Client
 from hybridmpm_service.http.answers import MOST_FINDINGS
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
@@ -56,7 +58,7 @@ def test_a_check_is_made_for_the_chosen_simulator(service: Any) -> None:
     ids=["faulty", "of another dimension", "cannot be filled", "too stiff"],
 )
 def test_the_faults_of_a_scene_that_cannot_run_are_findings(
-    service: Any, problem: Any, sent: dict[str, Any], field: str, words: str
+    service: Any, sent: dict[str, Any], field: str, words: str
 ) -> None:
     answer = service.http.post("/v1/checks", json={"scene": sent})
     assert answer.status_code == 200, answer.text
@@ -89,7 +91,7 @@ def test_a_session_carries_its_warnings_and_so_does_its_fork(service: Any) -> No
             service.http.delete(session["links"]["self"])
 
 
-def test_bad_requests_are_problems(service: Any, problem: Any) -> None:
+def test_bad_requests_are_problems(service: Any) -> None:
     for sent, words in (
         ({}, "give one of"),
         ({"scenario": "water_2d", "scene": scene()}, "give one of"),
@@ -101,7 +103,50 @@ def test_bad_requests_are_problems(service: Any, problem: Any) -> None:
         assert words in problem(service.http.post("/v1/checks", json=sent), 422)["detail"]
 
 
-def test_a_server_that_stops_checks_nothing(start: Any, problem: Any) -> None:
-    service = start()
-    service.app.state.sessions.draining.set()
-    problem(service.http.post("/v1/checks", json={"scenario": "water_2d"}), 503)
+@pytest.fixture(autouse=True)
+def _no_times_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HYBRIDMPM_CALIBRATION", "none.json")
+
+
+def test_a_plan_is_that_of_the_library_and_a_session_can_use_it(service: Any) -> None:
+    with Client(str(service.http.base_url)) as client:
+        found = client.plan("water_2d", 7, max_error=0.5)
+        expected = plan(scenarios.water_2d(7), max_error=0.5)
+        assert {name: found[name] for name in ("name", "error", "ms_per_frame", "reason")} == {
+            "name": expected.name,
+            "error": expected.error,
+            "ms_per_frame": expected.ms_per_frame,
+            "reason": expected.reason,
+        }
+        assert found["feasible"]
+        answers = [client.plan("water_2d", 7, budget_ms=ms) for ms in (0.05, 0.1, 0.2, 0.5, 1.0, 5.0)]
+        for one in (one for one in answers if one["session"] is not None):
+            session = client.create("water_2d", 7, **one["session"])
+            assert session.info["r_p"] == pytest.approx(one["r_p"])
+            assert session.info["coarse"] is None or session.info["coarse"] in one["name"]
+            session.delete()
+        assert any(one["session"] and "coarse" in one["session"] for one in answers)
+        # No session has a part of the particles alone.
+        assert client.plan(scene=scenarios.water_2d(7), budget_ms=1e-6)["session"] is None
+
+
+def test_a_plan_for_a_scene_of_ones_own_has_fields_of_a_session(service: Any) -> None:
+    answer = service.http.post("/v1/plans", json={"scene": SMALL_SCENE, "budget_ms": 100})
+    assert answer.json()["session"] == {"solver": "mpm"}
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ({"scenario": "water_2d"}, "max_error"),
+        ({"scenario": "water_2d", "max_error": 0.1, "budget_ms": 1.0}, "max_error"),
+        ({"budget_ms": 1.0}, "scenario"),
+        ({"scenario": "water_2d", "max_error": 0.1, "measure": "beauty"}, "grid_rmse"),
+        ({"scenario": "water_9d", "budget_ms": 1.0}, "water_2d"),
+        ({"scene": {"dim": 4}, "budget_ms": 1.0}, "dim"),
+    ],
+)
+def test_an_invalid_demand_is_refused(service: Any, body: dict[str, Any], said: str) -> None:
+    answer = service.http.post("/v1/plans", json=body)
+    assert answer.status_code == 422
+    assert said in answer.text

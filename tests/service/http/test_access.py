@@ -4,12 +4,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from tests.service.conftest import problem
 
 FRIEND = "https://studio.example"
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "", "[", "localhost.evil:80"])
-def test_a_foreign_host_name_is_refused_on_loopback(service: Any, problem: Any, host: str) -> None:
+def test_a_foreign_host_name_is_refused_on_loopback(service: Any, host: str) -> None:
     problem(service.http.get("/livez", headers={"Host": host}), 421)
 
 
@@ -19,7 +20,7 @@ def test_every_name_of_this_machine_is_served(service: Any, host: str) -> None:
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1.evil.example"])
-def test_a_foreign_origin_may_change_nothing(service: Any, problem: Any, path: str, origin: str) -> None:
+def test_a_foreign_origin_may_change_nothing(service: Any, path: str, origin: str) -> None:
     headers = {"Origin": origin}
     problem(service.http.delete(path, headers=headers), 403)
     problem(service.http.post(f"{path}/advance", json={}, headers=headers), 403)
@@ -38,7 +39,7 @@ def test_no_other_origin_is_told_that_it_may_read(service: Any) -> None:
     assert "access-control-allow-origin" not in answer.headers
 
 
-def test_a_listed_front_end_may_do_everything(start: Callable[..., Any], problem: Any) -> None:
+def test_a_listed_front_end_may_do_everything(start: Callable[..., Any]) -> None:
     service = start(cors_origins=(FRIEND,))
     headers = {"Origin": FRIEND}
     preflight = headers | {
@@ -59,7 +60,7 @@ def test_a_listed_front_end_may_do_everything(start: Callable[..., Any], problem
     problem(service.http.options("/v1/sessions", headers=stranger), 400)
 
 
-def test_a_listed_host_name_replaces_the_loopback_names(start: Callable[..., Any], problem: Any) -> None:
+def test_a_listed_host_name_replaces_the_loopback_names(start: Callable[..., Any]) -> None:
     service = start(allowed_hosts=("fluid.example",))
     assert service.http.get("/livez", headers={"Host": "fluid.example"}).status_code == 200
     problem(service.http.get("/livez"), 421)

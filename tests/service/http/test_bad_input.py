@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 import pytest
+from tests.service.conftest import problem
 
 BODY: dict[str, Any] = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}
 JET: dict[str, Any] = {
@@ -61,7 +62,7 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
     ],
 )
 def test_a_bad_session_is_refused_with_field_and_range(
-    service: Any, problem: Any, body: Any, field: str, message: str
+    service: Any, body: Any, field: str, message: str
 ) -> None:
     found = problem(service.http.post("/v1/sessions", json=body), 422)
     assert [error["field"] for error in found["errors"]].count(field) == 1, found
@@ -79,21 +80,19 @@ def test_a_bad_session_is_refused_with_field_and_range(
         (b"\xff\xfe", "body"),
     ],
 )
-def test_values_that_json_does_not_have_are_refused(
-    service: Any, problem: Any, text: bytes, field: str
-) -> None:
+def test_values_that_json_does_not_have_are_refused(service: Any, text: bytes, field: str) -> None:
     answer = service.http.post("/v1/sessions", content=text, headers=JSON)
     assert problem(answer, 422)["errors"][0]["field"] == field
 
 
-def test_json_that_is_nested_too_deeply_is_refused(service: Any, problem: Any) -> None:
+def test_json_that_is_nested_too_deeply_is_refused(service: Any) -> None:
     text = b'{"scene":' + b"[" * 2000 + b"]" * 2000 + b"}"
     answer = service.http.post("/v1/sessions", content=text, headers=JSON)
     assert "recursion limit" in problem(answer, 422)["detail"]
 
 
 @pytest.mark.parametrize("frames", [0, -1, 2001, 1.5, "3", None, True])
-def test_frames_out_of_range_are_refused(service: Any, problem: Any, path: str, frames: Any) -> None:
+def test_frames_out_of_range_are_refused(service: Any, path: str, frames: Any) -> None:
     found = problem(service.http.post(f"{path}/advance", json={"frames": frames}), 422)
     assert found["errors"][0]["field"] == "body.frames"
 
@@ -102,85 +101,56 @@ def test_frames_out_of_range_are_refused(service: Any, problem: Any, path: str, 
     ("method", "suffix"),
     [("GET", ""), ("DELETE", ""), ("POST", "/advance"), ("GET", "/particles"), *SKETCHES],
 )
-def test_an_unknown_session_is_404_everywhere(service: Any, problem: Any, method: str, suffix: str) -> None:
+def test_an_unknown_session_is_404_everywhere(service: Any, method: str, suffix: str) -> None:
     answer = service.http.request(
         method, f"/v1/sessions/nobody{suffix}", json={} if method == "POST" else None
     )
     assert "nobody" in problem(answer, 404)["detail"]
 
 
-def test_an_unknown_scenario_is_404_with_the_known_ones(service: Any, problem: Any) -> None:
+def test_an_unknown_scenario_is_404_with_the_known_ones(service: Any) -> None:
     assert "sand_3d" in problem(service.http.get("/v1/scenarios/lava_2d"), 404)["detail"]
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5", "9007199254740992", "NaN"])
-def test_a_bad_seed_in_the_query_is_named(service: Any, problem: Any, seed: str) -> None:
+def test_a_bad_seed_in_the_query_is_named(service: Any, seed: str) -> None:
     found = problem(service.http.get("/v1/scenarios/water_2d", params={"seed": seed}), 422)
     assert found["errors"][0]["field"] == "query.seed"
 
 
 @pytest.mark.parametrize(
-    ("method", "address", "status"),
-    [
-        ("GET", "/nowhere", 404),
-        ("GET", "/docs", 404),
-        ("PUT", "/v1/sessions", 405),
-        ("DELETE", "/livez", 405),
-    ],
-)
-def test_wrong_addresses_and_methods_are_problems(
-    service: Any, problem: Any, method: str, address: str, status: int
-) -> None:
-    problem(service.http.request(method, address), status)
-
-
-@pytest.mark.parametrize(
     ("method", "address", "allowed"),
     [
+        ("GET", "/nowhere", None),
+        ("GET", "/docs", None),
+        ("DELETE", "/livez", "GET, HEAD"),
         ("PUT", "/v1/sessions", "GET, HEAD, POST"),
         ("PATCH", "/v1/sessions/x", "DELETE, GET, HEAD"),
         ("GET", "/v1/sessions/x/sketches", "DELETE, POST"),
     ],
 )
-def test_a_wrong_method_is_answered_with_all_that_are_allowed(
-    service: Any, method: str, address: str, allowed: str
+def test_wrong_addresses_and_methods_are_problems_with_what_is_allowed(
+    service: Any, method: str, address: str, allowed: str | None
 ) -> None:
-    assert service.http.request(method, address).headers["allow"] == allowed
-
-
-@pytest.mark.parametrize(
-    ("body", "field"),
-    [
-        ({"strokes": [{"points": [[True, 0.5], [0.6, 0.5]]}]}, "body.strokes[0].points[0][0]"),
-        ({"strokes": [{"points": [[0.3, 0.5], [0.6, 0.5]]}], "cap": "15"}, "body.cap"),
-        ({"strokes": [{"points": [[0.3, 0.5], [0.6, 0.5]]}], "strength": True}, "body.strength"),
-    ],
-)
-def test_truth_values_and_texts_are_no_numbers(
-    service: Any, problem: Any, path: str, body: dict[str, Any], field: str
-) -> None:
-    found = problem(service.http.post(f"{path}/sketches", json=body), 422)
-    assert found["errors"][0]["field"] == field
+    answer = service.http.request(method, address)
+    problem(answer, 405 if allowed else 404)
+    assert answer.headers.get("allow") == allowed
 
 
 @pytest.mark.parametrize("headers", [{"Content-Type": "text/plain"}, {"Content-Type": "application/xml"}, {}])
-def test_a_body_that_is_not_declared_as_json_is_415(
-    service: Any, problem: Any, headers: dict[str, str]
-) -> None:
+def test_a_body_that_is_not_declared_as_json_is_415(service: Any, headers: dict[str, str]) -> None:
     answer = service.http.post("/v1/sessions", content=b'{"scenario": "water_2d"}', headers=headers)
     assert "application/json" in problem(answer, 415)["detail"]
 
 
-def test_a_body_that_is_too_large_is_413_also_when_it_does_not_say_so(service: Any, problem: Any) -> None:
+def test_a_body_that_is_too_large_is_413_also_when_it_does_not_say_so(service: Any) -> None:
     large = b"x" * (1 << 21) + b"x"
     assert "2097152" in problem(service.http.post("/v1/sessions", content=large, headers=JSON), 413)["detail"]
     in_pieces = iter([large[: 1 << 20], large[1 << 20 :]])
     problem(service.http.post("/v1/sessions", content=in_pieces, headers=JSON), 413)
 
 
-def test_a_crash_is_a_problem_that_tells_no_secrets(
-    service: Any, problem: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_crash_is_a_problem_that_tells_no_secrets(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(*_: Any) -> None:
         raise RuntimeError("secret")
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import SMALL_SCENE, Service
+from tests.service.conftest import SMALL_SCENE, Service, problem
 
-from hybridmpm import HybridSimulator, NeuralPhysics, scenarios
+from hybridmpm import HybridSimulator, scenarios
 from hybridmpm.coarse import coarse_table
 from hybridmpm.hybrid import Decision
 from hybridmpm.physics import NeuralModel
@@ -76,9 +76,7 @@ def test_a_session_names_its_simulator(learned: Service, create: Callable[..., s
     }
 
 
-def test_the_pressure_of_a_network_is_refused(
-    learned: Service, create: Callable[..., str], problem: Any
-) -> None:
+def test_the_pressure_of_a_network_is_refused(learned: Service, create: Callable[..., str]) -> None:
     for solver in ("hybrid", "neural"):
         answer = learned.http.get(f"{create(solver=solver)}/pressure")
         body = problem(answer, 409)
@@ -117,23 +115,6 @@ def test_a_hybrid_session_computes_what_the_library_computes(
     log = [vars(decision) for decision in simulator.log]
     assert [{**row, "value": None} for row in decisions] == [{**row, "value": None} for row in log]
     assert decisions[-1]["value"] == pytest.approx(log[-1]["value"], abs=1e-4)
-
-
-def test_a_neural_session_computes_what_the_library_computes(
-    learned: Service, create: Callable[..., str], model_folder: Path
-) -> None:
-    path = create(solver="neural")
-    physics = NeuralPhysics(scenarios.get("water_2d", SEED), model_folder / "falling.onnx")
-    assert _advance(learned, path, 19)["mode"] == "mpm"
-    body = _advance(learned, path, 41)
-    physics.advance(60)
-    assert (body["mode"], body["last_frame"]["substeps"], body["last_frame"]["bound"]) == (
-        "neural",
-        None,
-        None,
-    )
-    assert np.array_equal(_positions(learned, path), physics.positions)
-    assert learned.http.get(f"{path}/decisions").json() == {"decisions": []}
 
 
 def test_the_status_tells_modes_values_and_decisions_as_they_come(
@@ -193,9 +174,7 @@ def test_a_sketch_steers_as_its_trajectory_says(
     assert reasons == (["warm-up", "force"] if solver == "hybrid" else [])
 
 
-def test_a_network_that_fails_leaves_its_session_usable(
-    learned: Service, create: Callable[..., str], problem: Any
-) -> None:
+def test_a_network_that_fails_leaves_its_session_usable(learned: Service, create: Callable[..., str]) -> None:
     path = create(solver="neural", model="broken")
     with learned.stream(path) as stream:
         found = problem(learned.http.post(f"{path}/advance", json={"frames": 60}), 422)
@@ -234,7 +213,7 @@ def test_a_hybrid_session_survives_the_same_network(learned: Service, create: Ca
     ],
 )
 def test_a_bad_choice_is_refused_with_field_and_range(
-    learned: Service, problem: Any, body: Any, field: str, message: str
+    learned: Service, body: Any, field: str, message: str
 ) -> None:
     found = problem(learned.http.post("/v1/sessions", json=body), 422)
     assert [error["field"] for error in found["errors"]] == [field]
@@ -242,7 +221,7 @@ def test_a_bad_choice_is_refused_with_field_and_range(
 
 
 def test_a_damaged_model_is_the_servers_fault_and_disturbs_no_other_solver(
-    model_folder: Path, tmp_path: Path, start: Callable[..., Service], problem: Any
+    model_folder: Path, tmp_path: Path, start: Callable[..., Service]
 ) -> None:
     for file in model_folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())

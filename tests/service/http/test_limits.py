@@ -6,13 +6,13 @@ from typing import Any
 
 import httpx
 import pytest
-from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, problem
 
 from hybridmpm import Scene
 from hybridmpm_service.sessions.simulation import Simulation
 
 
-def test_a_full_service_says_so_and_is_not_ready(start: Callable[..., Any], problem: Any) -> None:
+def test_a_full_service_says_so_and_is_not_ready(start: Callable[..., Any]) -> None:
     service = start(max_sessions=1)
     path = service.create()
     refused = service.http.post("/v1/sessions", json={"scenario": "water_2d"})
@@ -24,7 +24,7 @@ def test_a_full_service_says_so_and_is_not_ready(start: Callable[..., Any], prob
     assert service.http.get("/readyz").status_code == 200
 
 
-def test_a_draining_service_is_alive_but_not_ready(start: Callable[..., Any], problem: Any) -> None:
+def test_a_draining_service_is_alive_but_not_ready(start: Callable[..., Any]) -> None:
     service = start()
     service.app.state.sessions.drain()
     assert "shutting down" in problem(service.http.get("/readyz"), 503)["detail"]
@@ -32,7 +32,7 @@ def test_a_draining_service_is_alive_but_not_ready(start: Callable[..., Any], pr
     assert service.http.get("/livez").status_code == 200
 
 
-def test_messages_name_the_limits_of_the_settings(start: Callable[..., Any], problem: Any) -> None:
+def test_messages_name_the_limits_of_the_settings(start: Callable[..., Any]) -> None:
     service = start(max_particles=100, max_advance_frames=5, max_sketch_frames=7, max_body_bytes=4096)
     found = problem(service.http.post("/v1/sessions", json={"scenario": "water_2d"}), 422)
     assert "[1, 100]" in found["detail"]
@@ -49,7 +49,7 @@ def test_messages_name_the_limits_of_the_settings(start: Callable[..., Any], pro
 
 
 def test_a_full_machine_says_its_load_and_its_limit(
-    start: Callable[..., Any], problem: Any, monkeypatch: pytest.MonkeyPatch
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Simulation, "frame_seconds", 0.009)  # at a quarter of real time nine tenths of a core
     service = start(max_load=1.0)
@@ -95,7 +95,7 @@ def test_a_connection_too_many_is_refused_and_the_others_go_on(
 
 
 def test_scenes_and_large_bodies_are_read_in_processes_apart(
-    service: Any, problem: Any, monkeypatch: pytest.MonkeyPatch
+    service: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the process of the service they would keep everything else waiting."""
     log = service.http.get(f"{service.create()}/log").json()

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
@@ -96,34 +97,23 @@ def test_the_examples_of_requests_work(service: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("body", "branches"),
+    ("body", "valid"),
     [
-        ({"scenario": "water_2d", "seed": 3}, 1),
-        ({"scenario": "water_2d", "scene": None}, 1),
-        ({"scene": {}}, 1),
-        ({"scene": {}, "seed": None}, 1),
-        ({}, 0),
-        ({"scenario": "water_2d", "scene": {}}, 0),
-        ({"scene": {}, "seed": 3}, 0),
-        ({"scenario": None}, 0),
+        ({"scenario": "water_2d", "seed": 3}, True),
+        ({"scenario": "water_2d", "scene": None}, True),
+        ({"scene": {}}, True),
+        ({"scene": {}, "seed": None}, True),
+        ({}, False),
+        ({"scenario": "water_2d", "scene": {}}, False),
+        ({"scene": {}, "seed": 3}, False),
+        ({"scenario": None}, False),
     ],
 )
 def test_the_schema_says_that_a_session_has_either_a_scenario_or_a_scene(
-    document: dict[str, Any], body: dict[str, Any], branches: int
+    document: dict[str, Any], body: dict[str, Any], *, valid: bool
 ) -> None:
-    kinds = {"string": str, "object": dict, "null": type(None)}
-    schema = document["components"]["schemas"]["CreateSession"]
-    fitting = [
-        branch
-        for branch in schema["oneOf"]
-        if set(branch["required"]) <= set(body)
-        and all(
-            isinstance(body[name], kinds[field["type"]])
-            for name, field in branch["properties"].items()
-            if name in body
-        )
-    ]
-    assert len(fitting) == branches
+    schema = {"$ref": "#/components/schemas/CreateSession", "components": document["components"]}
+    assert Draft202012Validator(schema).is_valid(body) == valid
 
 
 def test_forms_that_cannot_be_read_are_described(document: dict[str, Any], service: Any, path: str) -> None:

@@ -1,4 +1,4 @@
-"""A sketch steers the session; one that cannot be followed is refused in words."""
+"""A sketch steers the session, or its trajectory is returned; what cannot be followed is refused in words."""
 
 import io
 import time
@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from tests.service.conftest import SMALL_SCENE, arrays_of, problem
 
+from hybridmpm import MpmSolver, Scene
 from hybridmpm.control import METHODS, Arrow, Ellipse, Law, Task, render_png
 from hybridmpm.simulator import Simulator
 
@@ -137,7 +139,7 @@ def test_a_goal_out_of_reach_is_described_and_still_aimed_at(service: Any, path:
     assert service.http.get(path).json()["control"]["phase"] == "out_of_reach"
 
 
-def test_an_oval_where_no_fluid_can_be_is_refused(service: Any, problem: Any, path: str) -> None:
+def test_an_oval_where_no_fluid_can_be_is_refused(service: Any, path: str) -> None:
     points = [[0.02, 0.02], [0.06, 0.02], [0.06, 0.06], [0.02, 0.06], [0.02, 0.02]]
     answer = service.http.post(f"{path}/sketches", json={"strokes": [{"points": points, "kind": "ellipse"}]})
     found = problem(answer, 422)
@@ -210,7 +212,7 @@ class _Endless:
 
 
 def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
-    service: Any, problem: Any, path: str, monkeypatch: pytest.MonkeyPatch
+    service: Any, path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(METHODS, "constant", _Endless())
     slow = {"strokes": [ARROW], "frames": 40, "method": "constant"}
@@ -235,11 +237,7 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
         ({"strokes": [{"points": [[0.5, 0.5], [0.5, 0.5]]}]}, "body.strokes[0].points", "at least 0.0039"),
         ({"strokes": [ARROW | {"widths": [3]}]}, "body.strokes[0]", "one per point"),
         ({"strokes": [ARROW], "frames": 401}, "body.frames", "[1, 400]"),
-        (
-            {"strokes": [ARROW], "frames": 400, "hold": 1},
-            "body.frames",
-            "[1, 399] for this session with",
-        ),
+        ({"strokes": [ARROW], "frames": 400, "hold": 1}, "body.frames", "[1, 399] for this session with"),
         ({"strokes": [ARROW], "hold": 400}, "body.hold", "[0, 399]"),
         ({"strokes": [ARROW], "method": "magic"}, "body.method", "auto, none, constant, analytic"),
         ({"strokes": [ARROW], "cap": 0}, "body.cap", "greater than 0"),
@@ -250,7 +248,7 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
     ],
 )
 def test_bad_strokes_are_refused_with_field_and_range(
-    service: Any, problem: Any, path: str, *, body: Any, field: str, message: str
+    service: Any, path: str, *, body: Any, field: str, message: str
 ) -> None:
     for suffix in ("sketches", "trajectories"):
         found = problem(service.http.post(f"{path}/{suffix}", json=body), 422)
@@ -262,7 +260,7 @@ def test_bad_strokes_are_refused_with_field_and_range(
 @pytest.mark.parametrize(
     "text", [b'{"strokes": [{"points": [[NaN, 0.5], [0.6, 0.5]]}]}', b'{"strokes"', b"", b"[" * 100_000]
 )
-def test_text_that_is_no_sketch_is_refused(service: Any, problem: Any, path: str, text: bytes) -> None:
+def test_text_that_is_no_sketch_is_refused(service: Any, path: str, text: bytes) -> None:
     headers = {"Content-Type": "application/json"}
     found = problem(service.http.post(f"{path}/sketches", content=text, headers=headers), 422)
     assert found["errors"][0]["field"].startswith("body")
@@ -279,7 +277,7 @@ def test_text_that_is_no_sketch_is_refused(service: Any, problem: Any, path: str
     ],
 )
 def test_a_file_that_is_no_sketch_is_refused_with_what_is_allowed(
-    service: Any, problem: Any, path: str, make: Callable[[], bytes], message: str
+    service: Any, path: str, make: Callable[[], bytes], message: str
 ) -> None:
     found = problem(service.http.post(f"{path}/sketches", files={"sketch": ("s.png", make())}), 422)
     assert found["errors"][0]["field"] == "body.sketch"
@@ -287,7 +285,7 @@ def test_a_file_that_is_no_sketch_is_refused_with_what_is_allowed(
     assert service.http.get(path).json()["control"] is None
 
 
-def test_a_file_that_is_too_large_is_413(service: Any, problem: Any, path: str) -> None:
+def test_a_file_that_is_too_large_is_413(service: Any, path: str) -> None:
     data = ARROW_PNG + bytes(1 << 20)
     found = problem(service.http.post(f"{path}/sketches", files={"sketch": ("s.png", data)}), 413)
     assert "1048576" in found["detail"]
@@ -306,13 +304,13 @@ def test_a_file_that_is_too_large_is_413(service: Any, problem: Any, path: str) 
     ],
 )
 def test_a_bad_form_is_refused_with_its_field(
-    service: Any, problem: Any, path: str, form: dict[str, Any], field: str
+    service: Any, path: str, form: dict[str, Any], field: str
 ) -> None:
     found = problem(service.http.post(f"{path}/sketches", **form), 422)
     assert found["errors"][0]["field"] == field
 
 
-def test_a_form_with_too_many_parts_or_no_boundary_is_refused(service: Any, problem: Any, path: str) -> None:
+def test_a_form_with_too_many_parts_or_no_boundary_is_refused(service: Any, path: str) -> None:
     files = [("sketch", ("a.png", ARROW_PNG)), ("sketch", ("b.png", ARROW_PNG))]
     problem(service.http.post(f"{path}/sketches", files=files), 400)
     headers = {"Content-Type": "multipart/form-data"}
@@ -321,7 +319,76 @@ def test_a_form_with_too_many_parts_or_no_boundary_is_refused(service: Any, prob
 
 @pytest.mark.parametrize("content_type", ["image/png", "text/plain", "application/x-www-form-urlencoded"])
 def test_another_format_is_415_and_names_the_accepted_ones(
-    service: Any, problem: Any, path: str, content_type: str
+    service: Any, path: str, content_type: str
 ) -> None:
     answer = service.http.post(f"{path}/sketches", content=ARROW_PNG, headers={"Content-Type": content_type})
     assert "multipart/form-data" in problem(answer, 415)["detail"]
+
+
+NPZ = {"Accept": "application/x-npz"}
+
+
+def _positions(service: Any, path: str) -> np.ndarray[Any, Any]:
+    return arrays_of(service.http.get(f"{path}/particles", headers=NPZ).content)["positions"]
+
+
+def test_the_answer_describes_the_motion_and_the_session_stays(service: Any, path: str) -> None:
+    service.http.post(f"{path}/advance", json={"frames": 4})
+    before = _positions(service, path)
+    answer = service.http.post(f"{path}/trajectories", json={"strokes": [ARROW], "frames": 45, "hold": 2})
+    assert answer.status_code == 200
+    body = answer.json()
+    assert body["sketch"] == {"kind": "arrow", "points": ARROW["points"]}
+    assert (body["method"], body["frames"], body["hold"], body["first_frame"]) == ("analytic", 45, 2, 4)
+    assert body["frame_indices"] == [0, 10, 20, 30, 40, 47]
+    assert (len(body["positions"]), len(body["force"])) == (6, 5)
+    assert (len(body["centroids"]), len(body["mean_force"])) == (48, 47)
+    np.testing.assert_allclose(body["target_displacement"], [0.1, 0.05])
+    np.testing.assert_allclose(
+        body["displacement"], np.subtract(body["centroids"][-1], body["centroids"][0]), atol=1e-12
+    )
+    assert body["needs"]["reachable"]
+    assert body["reached"]["miss"] < 0.005
+    assert body["reached"]["peak"] <= body["needs"]["cap"] * 1.001
+    session = service.http.get(path).json()
+    assert (session["frame"], session["control"]) == (4, None)
+    assert np.array_equal(_positions(service, path), before)
+
+
+@pytest.mark.parametrize("settings", [{}, {"method": "constant", "seed": 3}, {"cap": 6, "strength": 0.5}])
+@pytest.mark.parametrize("as_png", [False, True])
+def test_a_paused_session_follows_the_same_sketch_to_the_same_bits(
+    service: Any, path: str, *, as_png: bool, settings: dict[str, Any]
+) -> None:
+    if as_png:
+        form = {name: str(value) for name, value in settings.items()} | {"frames": "12"}
+        body: dict[str, Any] = {"files": {"sketch": ("s.png", ARROW_PNG)}, "data": form}
+    else:
+        body = {"json": {"strokes": [ARROW], "frames": 12} | settings}
+    answer = service.http.post(f"{path}/trajectories?stride=1", **body, headers=NPZ)
+    assert answer.headers["content-type"] == "application/x-npz"
+    motion = arrays_of(answer.content)
+    assert motion["positions"].dtype == np.float32
+    assert motion["frame_indices"].tolist() == list(range(13))
+    assert service.http.post(f"{path}/sketches", **body).status_code == 200
+    for frame in range(1, 13):
+        moved = arrays_of(service.http.post(f"{path}/advance", json={}, headers=NPZ).content)
+        assert np.array_equal(moved["positions"], motion["positions"][frame])
+    assert service.http.get(path).json()["control"]["phase"] == "done"
+
+
+@pytest.mark.parametrize(("method", "shape"), [("constant", (2,)), ("analytic", (12, 400, 2))])
+def test_the_force_of_an_npz_gives_the_trajectory_in_the_library(
+    service: Any, path: str, method: str, shape: tuple[int, ...]
+) -> None:
+    body = {"strokes": [ARROW], "frames": 12, "method": method}
+    motion = arrays_of(service.http.post(f"{path}/trajectories?stride=1", json=body, headers=NPZ).content)
+    solver = MpmSolver(Scene.parse(SMALL_SCENE))
+    assert (len(motion["force"].shape), motion["force"].dtype) == (len(shape), np.float32)
+    assert np.array_equal(solver.rollout(12, motion["force"]), motion["positions"])
+
+
+@pytest.mark.parametrize("stride", ["0", "-1", "x"])
+def test_a_bad_stride_is_named(service: Any, path: str, stride: str) -> None:
+    answer = service.http.post(f"{path}/trajectories?stride={stride}", json={"strokes": [ARROW]})
+    assert problem(answer, 422)["errors"][0]["field"] == "query.stride"

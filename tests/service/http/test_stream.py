@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from tests.service.conftest import Hold
+from tests.service.conftest import Hold, problem
 from websockets.exceptions import InvalidStatus
 
 from hybridmpm import DomainError
@@ -193,7 +193,7 @@ def test_a_foreign_page_cannot_open_a_stream(service: Any, path: str) -> None:
 
 
 def test_a_failing_frame_pauses_at_the_last_good_one_and_disturbs_nobody_else(
-    service: Any, problem: Any, path: str, monkeypatch: pytest.MonkeyPatch
+    service: Any, path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = service.create()
     solver = service.session(path).simulation._solver

@@ -65,11 +65,7 @@ def test_it_ends_when_it_is_deleted_and_makes_room_for_the_next(service: Any) ->
     [
         ({"scenario": "water_4d"}, "body.scenario", "water_2d"),
         ({"trajectories": 0}, "body", "at least one trajectory"),
-        (
-            {"trajectories": 11},
-            "body.trajectories",
-            "makes 1100 frames in all",
-        ),
+        ({"trajectories": 11}, "body.trajectories", "makes 1100 frames in all"),
         ({"frames": 7, "stride": 2}, "body", "multiple of the stride"),
         ({"control": True}, "body.control", "not permitted"),
     ],

@@ -14,7 +14,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, problem
 
 from hybridmpm import MpmSolver, Scene
 from hybridmpm.stream_frames import decode
@@ -213,7 +213,7 @@ def test_results_lie_on_disk_as_long_as_the_service_runs(start: Callable[..., An
 
 
 def test_a_job_of_an_earlier_run_is_told_lost(
-    start: Callable[..., Any], problem: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = start()
     job = service.ended(_record(service, service.create(), frames=2).json())

@@ -79,7 +79,6 @@ def _with(log: dict[str, Any], *keys: Any, value: Any) -> dict[str, Any]:
         (("inputs", 0, "drawn_frame"), 5, "was planned in frame 5, after it began to steer"),
         (("inputs", 0, "settings", "most"), 10**6, "at most 400 may be"),
         (("inputs", 0, "sketch", "axes"), [0.1, -1], "two lengths"),
-        (("inputs", 0, "sketch", "axes"), None, "an ellipse center, axes and angle"),
         (
             ("inputs", 1),
             {
@@ -90,8 +89,6 @@ def _with(log: dict[str, Any], *keys: Any, value: Any) -> dict[str, Any]:
             "must have 2 numbers, got 3",
         ),
         (("solver",), "neural", "body.model: is required with a scene of your own"),
-        (("coarse",), "1/3", "body.coarse: must be one of"),
-        (("digest",), "", "body.log.digest"),
         (("scene", "dim"), 4, "dim"),
         (("format",), 2, "body.log.format"),
     ],

@@ -97,12 +97,6 @@ def test_a_tail_that_is_torn_off_costs_the_latest_inputs_alone(path: Path, lost:
     assert stored.inputs == (5 * INPUTS)[: len(stored.inputs)]
 
 
-def test_a_damaged_file_is_refused_with_its_name(path: Path) -> None:
-    path.write_bytes(b"not a database, but long enough to be taken for one" * 20)
-    with pytest.raises(StorageError, match=r"one\.session cannot be read"):
-        SessionFile(path).read()
-
-
 def test_a_file_of_another_format_is_refused_with_both(path: Path) -> None:
     SessionFile.create(path, ORIGIN).close()
     with sqlite3.connect(path) as database:

@@ -1,12 +1,18 @@
-"""The player keeps to media time, on a clock that the test turns."""
+"""The player keeps to media time, and to what the machine can compute beside others."""
 
 import asyncio
 import itertools
 from collections.abc import Callable
+from typing import Any
 
 import pytest
+from tests.service.conftest import SCENE, SOURCE
+from tests.service.sessions.conftest import Manage
 
+from hybridmpm_service.errors import MachineFullError
+from hybridmpm_service.sessions.admission import estimated_frame_seconds
 from hybridmpm_service.sessions.player import MAX_LAG_SECONDS, Machine, Pace, Player
+from hybridmpm_service.sessions.simulation import Simulation
 
 
 def _pace(speed: float = 1.0) -> Pace:
@@ -130,3 +136,100 @@ def test_a_machine_that_is_too_slow_shows_frames_often_and_slowly(monkeypatch: p
     assert turns[-1][1] == pytest.approx(60.0 / 0.005, rel=0.05)
     gaps = [later - earlier for (earlier, _), (later, _) in itertools.pairwise(turns)]
     assert max(gaps) < 0.05
+
+
+QUARTER = 0.25 / SCENE.frame_dt
+"""Frames a second at the speed of a new session."""
+
+
+class _Load:
+    def __init__(self, load: float) -> None:
+        self.load = load
+
+
+def test_a_load_is_the_time_of_the_frames_in_a_second_and_at_most_all_threads() -> None:
+    machine = Machine(2.0, threads=3)
+    assert machine.load_of(0.001, 0.0025, 0.25) == pytest.approx(3 * 0.1)
+    assert machine.load_of(1.0, 0.0025, 0.25) == 3.0
+
+
+def test_there_is_room_up_to_the_cores_and_always_for_one_who_plays_alone() -> None:
+    machine, first, second = Machine(2.0, threads=1), _Load(0.0), _Load(0.0)
+    machine.join(first)
+    machine.join(second)
+    machine.check(5.0, "a giant")
+    first.load = 1.5
+    machine.check(0.5, "a session")
+    with pytest.raises(MachineFullError, match=r"1\.50 of 2 cores, and a session would take about 0\.60"):
+        machine.check(0.6, "a session")
+    machine.check(0.6, "the first", first)
+    assert machine.full() is None
+    second.load = 0.5
+    assert isinstance(machine.full(), MachineFullError)
+    machine.leave(first)
+    machine.check(0.6, "a session")
+
+
+@pytest.fixture
+def costs(monkeypatch: pytest.MonkeyPatch) -> dict[Any, float]:
+    """Return what frames of simulations cost [s]; nothing is computed."""
+    made: dict[Any, float] = {}
+    monkeypatch.setattr(Simulation, "frame_seconds", property(made.get))
+    monkeypatch.setattr(Simulation, "advance", lambda *_: 0)
+    return made
+
+
+@pytest.mark.anyio
+async def test_a_paused_session_costs_nothing_and_is_asked_again_when_it_plays(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    sessions = [await manager.create(SOURCE) for _ in range(4)]
+    for session in sessions:
+        costs[session.simulation] = 0.6 / QUARTER
+    first, second, *others = sessions
+    first.play()
+    for waiting in (second, *others):
+        with pytest.raises(MachineFullError, match=r"this session would take about 0\.60"):
+            waiting.play()
+        assert not waiting.playing
+    first.pause()
+    second.play()
+    assert second.playing
+
+
+@pytest.mark.anyio
+async def test_whoever_plays_may_go_slower_but_not_faster_than_there_is_time_for(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    first, second = await manager.create(SOURCE), await manager.create(SOURCE)
+    for session in (first, second):
+        costs[session.simulation] = 0.3 / QUARTER
+        session.play()
+    with pytest.raises(MachineFullError, match="at that speed"):
+        first.set_speed(1.0)
+    assert first.speed == 0.25
+    second.set_speed(0.1)
+    first.set_speed(0.5)
+    assert first.load == pytest.approx(0.6)
+    # Who is paused chooses freely, and is asked when it plays.
+    second.pause()
+    second.set_speed(1.0)
+    with pytest.raises(MachineFullError):
+        second.play()
+
+
+@pytest.mark.anyio
+async def test_a_session_costs_its_estimate_until_its_first_frame_and_a_fork_what_its_origin_costs(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    session = await manager.create(SOURCE)
+    assert session.frame_seconds == estimated_frame_seconds(SCENE)
+    costs[session.simulation] = 0.002
+    session.set_speed(0.5)
+    fork = await manager.fork(session.id)
+    assert (fork.frame_seconds, fork.speed, fork.playing) == (0.002, 0.5, False)
+    costs[fork.simulation] = 0.003
+    assert fork.frame_seconds == 0.003

@@ -1,14 +1,8 @@
-"""Sketches drawn as by hand, committed as vector data: how they were made, and how they are read again.
-
-`python tests/python/control/hand_drawn/generate.py` writes sketches.json and the pictures anew.
-"""
+"""Sketches drawn as by hand, each a function of its seed."""
 
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -19,11 +13,9 @@ from hybridmpm.control.sketch.render import Drawing, PenStroke, render
 from hybridmpm.control.sketch.sketch import Floats
 from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 
-FOLDER = Path(__file__).parent
 SEED = 20250
-COUNT = 40
 PICTURES = {"on paper": 256, "compressed": 512, "photographed": 400}
-"""Pictures that no vector data can stand for, with their sides [pixels]."""
+"""Pictures of the first sketches, with their sides [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +37,6 @@ def draw(seed: int) -> HandDrawn:
     rng = np.random.default_rng(seed)
     meant = random_sketch(rng, depth=seed % 2 == 0)
     return HandDrawn(meant, *distort(meant, random_hand(rng, meant.kind), rng))
-
-
-def load() -> list[HandDrawn]:
-    """Return the committed sketches."""
-    return [_from_json(entry) for entry in json.loads((FOLDER / "sketches.json").read_text(encoding="utf-8"))]
 
 
 def _random_arrow(rng: np.random.Generator, depth: bool) -> Arrow:  # noqa: FBT001
@@ -89,60 +76,7 @@ def _random_ellipse(rng: np.random.Generator, depth: bool) -> Ellipse:  # noqa: 
     return Ellipse(center, np.array([major, minor]), rng.uniform(-1.5, 1.5), width)
 
 
-def _thinned(stroke: PenStroke) -> PenStroke:
-    """Return a stroke with every third of its points, which are 2 pixels apart, and its ends."""
-    kept = np.unique(np.append(np.arange(0, len(stroke.points), 3), len(stroke.points) - 1))
-    times = None if stroke.times is None else stroke.times[kept]
-    return PenStroke(stroke.points[kept], stroke.widths[kept], times)
-
-
-def _to_json(drawn: HandDrawn) -> dict[str, Any]:
-    meant: dict[str, Any] = {"kind": drawn.meant.kind}
-    if isinstance(drawn.meant, Arrow):
-        meant["points"] = drawn.meant.points.round(4).tolist()
-        meant["widths"] = None if drawn.meant.widths is None else drawn.meant.widths.round(2).tolist()
-    else:
-        meant |= {"center": drawn.meant.center.round(4).tolist(), "axes": drawn.meant.axes.round(4).tolist()}
-        meant["angle"] = round(drawn.meant.angle, 4)
-        meant["width"] = None if drawn.meant.width is None else round(drawn.meant.width, 2)
-    return {
-        "meant": meant,
-        "stroke": _stroke_to_json(drawn.stroke),
-        "strokes": [_stroke_to_json(stroke) for stroke in drawn.drawing.strokes],
-        "fills": [corners.round(4).tolist() for corners in drawn.drawing.fills],
-        "color": drawn.drawing.color,
-        "ground": drawn.drawing.ground,
-    }
-
-
-def _stroke_to_json(stroke: PenStroke) -> dict[str, Any]:
-    thin = _thinned(stroke)
-    entry: dict[str, Any] = {"points": thin.points.round(4).tolist(), "widths": thin.widths.round(2).tolist()}
-    if thin.times is not None:
-        entry["times"] = thin.times.round(3).tolist()
-    return entry
-
-
-def _from_json(entry: dict[str, Any]) -> HandDrawn:
-    meant = dict(entry["meant"])
-    kind = meant.pop("kind")
-    drawing = Drawing(
-        tuple(_stroke_from_json(stroke) for stroke in entry["strokes"]),
-        tuple(np.array(corners) for corners in entry["fills"]),
-        tuple(entry["color"]),
-        tuple(entry["ground"]),
-    )
-    sketch = Arrow(**meant) if kind == "arrow" else Ellipse(**meant)
-    return HandDrawn(sketch, _stroke_from_json(entry["stroke"]), drawing)
-
-
-def _stroke_from_json(entry: dict[str, Any]) -> PenStroke:
-    return PenStroke(
-        *(np.array(entry[name]) if name in entry else None for name in ("points", "widths", "times"))
-    )  # type: ignore[arg-type]
-
-
-def pictures() -> Iterator[tuple[str, bytes]]:
+def pictures() -> Iterator[bytes]:
     """Make the pictures: the first sketches on uneven paper, with JPEG's artefacts, in uneven light."""
     rng = np.random.default_rng(SEED)
     for index, (name, side) in enumerate(PICTURES.items()):
@@ -158,16 +92,7 @@ def pictures() -> Iterator[tuple[str, bytes]]:
             values = values * np.linspace(0.9, 1.0, side)[:, None, None]
         data = io.BytesIO()
         Image.fromarray(np.rint(values).astype(np.uint8)).quantize(64).save(data, "PNG", optimize=True)
-        yield name, data.getvalue()
+        yield data.getvalue()
 
 
-def main() -> None:
-    """Write the committed files."""
-    entries = [json.dumps(_to_json(draw(SEED + index)), separators=(",", ":")) for index in range(COUNT)]
-    (FOLDER / "sketches.json").write_text("[\n" + ",\n".join(entries) + "\n]\n", encoding="utf-8")
-    for name, data in pictures():
-        (FOLDER / f"{name.replace(' ', '-')}.png").write_bytes(data)
-
-
-if __name__ == "__main__":
-    main()
+SKETCHES = [draw(SEED + index) for index in range(40)]
