@@ -349,14 +349,6 @@ def test_a_thrown_body_does_not_rest_at_its_highest_point(fake: Make) -> None:
     assert sim.velocities[:, 1].max() < -0.4
 
 
-def test_it_can_be_switched_off(fall: Scene, fake: Make) -> None:
-    network = fake("fall", r_t=2)
-    sim = HybridSimulator(fall, network, shortcuts=False)
-    sim.advance(60)
-    assert len(network.calls) == 25
-    assert sim.step_counts == StepCounts(network=50)
-
-
 def test_a_cosine_that_is_asked_for_is_a_guard(fall: Scene, fake: Make) -> None:
     assert HybridSimulator(fall, fake("fall")).r_c is None
     assert HybridSimulator(fall, fake("fall"), r_c=0.3).r_c == 0.3

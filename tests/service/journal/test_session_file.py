@@ -71,16 +71,6 @@ def test_inputs_origin_and_checkpoint_come_back(path: Path) -> None:
     assert stored.guidances == {}
 
 
-def test_a_reset_forgets_all_but_the_origin(path: Path) -> None:
-    file = SessionFile.create(path, ORIGIN)
-    file.append(INPUTS[0], b"guidance")
-    file.check(Checkpoint(frame=6, state=b"state", guidance=None, rest={}))
-    file.mark(7)
-    file.rewrite()
-    stored = file.read()
-    assert (stored.inputs, stored.checkpoint, stored.reached) == ((), None, 0)
-
-
 @pytest.mark.parametrize("lost", [1, 7, 100, 5000])
 def test_a_tail_that_is_torn_off_costs_the_latest_inputs_alone(path: Path, lost: int) -> None:
     file = SessionFile.create(path, ORIGIN)
