@@ -25,6 +25,10 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn crowds_within_cells(&self) -> bool {
         false
     }
+    /// Pressure per relative loss of volume, of materials that correct their volume [Pa].
+    fn bulk_modulus(&self) -> f32 {
+        0.0
+    }
     /// Volume ratios of the particles of a block.
     fn volumes(&self, states: &<Self::State as State>::Block) -> Volumes;
     /// Corrects the volume ratios of the particles of a block towards the space that they occupy.

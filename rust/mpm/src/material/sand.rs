@@ -41,11 +41,6 @@ impl Sand {
         }
     }
 
-    /// lambda + 2 mu / D [Pa].
-    fn bulk_modulus(&self, dim: usize) -> f32 {
-        self.lame.lambda + 2.0 * self.lame.mu / dim as f32
-    }
-
     /// Takes the Hencky strains to or into the yield surface, and sets the log of the volume gained. Without branches.
     #[inline(always)]
     fn return_mapping<const D: usize>(&self, strain: &mut Split<D>, gained: &mut Lanes) {
@@ -128,9 +123,14 @@ impl<const D: usize> Constitutive<D> for Sand {
         true
     }
 
+    /// lambda + 2 mu / D.
+    fn bulk_modulus(&self) -> f32 {
+        self.lame.lambda + 2.0 * self.lame.mu / D as f32
+    }
+
     #[inline(always)]
     fn volumes(&self, states: &SandBlock<D>) -> Volumes {
-        let modulus = self.bulk_modulus(D);
+        let modulus = Constitutive::<D>::bulk_modulus(self);
         let mut volumes = Volumes {
             ratio: [0.0; LANES],
             pressure: [0.0; LANES],
@@ -149,7 +149,7 @@ impl<const D: usize> Constitutive<D> for Sand {
         if !self.volume_correction {
             return;
         }
-        let modulus = self.bulk_modulus(D);
+        let modulus = Constitutive::<D>::bulk_modulus(self);
         for i in 0..LANES {
             let deviation = -correction.pressure[i] / modulus - states.log_volume(i);
             states.volume_gain[i] += correction.sharing[i] * deviation + correction.expansion[i];

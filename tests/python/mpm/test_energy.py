@@ -1,0 +1,33 @@
+"""The correction of volumes adds no energy, however sparse the particles are."""
+
+import pytest
+
+from hybridmpm import Box, MpmSolver, Scene
+
+
+def energy(solver: MpmSolver) -> float:
+    found = solver.diagnostics()
+    return found.kinetic_energy + found.potential_energy + found.elastic_energy
+
+
+@pytest.mark.parametrize("per_cell", [1, 2, 4, 9])
+@pytest.mark.parametrize("kind", ["sand", "water"])
+def test_a_block_that_creeps_into_a_corner_gains_no_energy(kind: str, per_cell: int) -> None:
+    block = Box(material=kind, lower=(0.11, 0.73), upper=(0.2, 0.9), velocity=(0.0225, 0.045))
+    scene = Scene(dim=2, resolution=64, particles_per_cell=per_cell, gravity=(0, 0), bodies=[block])
+    solver = MpmSolver(scene)
+    start = energy(solver)
+    for _ in range(80):
+        solver.advance(5)
+        assert energy(solver) <= start * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sparse_sand_that_is_dropped_gains_no_energy(dim: int) -> None:
+    lower, upper = (0.3, 0.15, 0.3)[:dim], (0.6, 0.4, 0.5)[:dim]
+    block = Box(material="sand", lower=lower, upper=upper, velocity=(1.0, -1.0, 0.5)[:dim])
+    solver = MpmSolver(Scene(dim=dim, resolution=32, particles_per_cell=1, bodies=[block]))
+    start = energy(solver)
+    for _ in range(60):
+        solver.advance(5)
+        assert energy(solver) <= start * (1 + 1e-4)
