@@ -76,10 +76,6 @@ impl<const D: usize> Constitutive<D> for Water {
         self.volume_correction
     }
 
-    fn bulk_modulus(&self) -> f32 {
-        self.bulk_modulus
-    }
-
     #[inline(always)]
     fn volumes(&self, volume_ratios: &Lanes) -> Volumes {
         Volumes {
