@@ -78,14 +78,23 @@ impl<const D: usize> Constitutive<D> for Elastic {
 
     #[inline(always)]
     fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
+        let mut change_squared = [0.0; LANES];
+        for row in affine {
+            for entry in row {
+                for i in 0..LANES {
+                    change_squared[i] += (dt * entry[i]).powi(2);
+                }
+            }
+        }
+        let large = change_squared.map(|square| square > Self::LARGE_CHANGE);
+        // Apart, that the loop over all lanes stays wide.
+        if large.contains(&true) {
+            deform_each(states, affine, dt, &large);
+            return;
+        }
         for i in 0..LANES {
             let f = Matrix::load(states, i);
-            let gradient = Matrix::<D>::from_fn(|row, column| dt * affine[row][column][i]);
-            if gradient.norm_squared() > Self::LARGE_CHANGE {
-                (steady_flow(&gradient) * f).store(states, i);
-                continue;
-            }
-            let change = gradient * f;
+            let change = Matrix::from_fn(|row, column| dt * affine[row][column][i]) * f;
             // Not (I + dt C) F: 1 + dt C_ii keeps few digits of a small dt C_ii, always the same ones in a steady
             // rotation, and a ball that spins would gain energy from that.
             (f + change).store(states, i);
@@ -124,15 +133,29 @@ fn strain<const D: usize>(sigma: &Vector<D>) -> Vector<D> {
     sigma.add_scalar(-1.0)
 }
 
-/// The deformation by a velocity gradient that stays the same, exp(g) by (I + g / 8)^8: positive for any gradient of a
-/// substep.
+/// Deforms a block with `large` changes in some lanes, which follow the velocity gradient through the substep: exp(dt C) by
+/// (I + dt C / 8)^8 is positive for any gradient of a substep.
 #[cold]
-fn steady_flow<const D: usize>(gradient: &Matrix<D>) -> Matrix<D> {
-    let mut flow = Matrix::identity() + gradient * 0.125;
-    for _ in 0..3 {
-        flow *= flow;
+#[inline(never)]
+fn deform_each<const D: usize>(
+    states: &mut GradientBlock<D>,
+    affine: &[[Lanes; D]; D],
+    dt: f32,
+    large: &[bool; LANES],
+) {
+    for i in 0..LANES {
+        let f = Matrix::<D>::load(states, i);
+        let gradient = Matrix::<D>::from_fn(|row, column| dt * affine[row][column][i]);
+        if !large[i] {
+            (f + gradient * f).store(states, i);
+            continue;
+        }
+        let mut flow = Matrix::identity() + gradient * 0.125;
+        for _ in 0..3 {
+            flow *= flow;
+        }
+        (flow * f).store(states, i);
     }
-    flow
 }
 
 impl<const D: usize> State for Matrix<D> {
