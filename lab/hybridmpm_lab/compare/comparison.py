@@ -27,7 +27,7 @@ from hybridmpm_lab.compare import chart, peers
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.compare.truth import MEASURES, SHARES, Truth, errors, grid_errors, shares
 from hybridmpm_lab.harness.command import Measurement, number_option, runs_option, scenarios_setting, setting
-from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.provenance import ORIGIN, Provenance
 from hybridmpm_lab.harness.rows import (
     FIRST_SEED,
     Key,
@@ -57,7 +57,6 @@ RIVALS = ("mpm", "coarse")
 """Methods that a learned one has to beat."""
 FRONTS = ("error", "transport")
 """Errors by which rows have a Pareto front."""
-ORIGIN = ("machine", "date", "commit", "command", "solver_version", "ingredients")
 _COLUMNS = (
     "scenario", "method", "label", "ms_per_frame", "ms_p95", "error", "error_se", "error_40", "error_100",
     "error_200", "transport", "mpm_share", "failed", "on_front", "dominated_by", "equal_mpm_ms",
@@ -66,8 +65,8 @@ _OPTIONS = (
     runs_option,
     number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one."),
     number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts."),
-    click.option(
-        "--only",
+    click.Option(
+        ["--only"],
         type=click.Choice(["errors", "times", "table"]),
         help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
         "table is made of the rows in the file of --runs.",

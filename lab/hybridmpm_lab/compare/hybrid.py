@@ -11,7 +11,6 @@ from hybridmpm import scenarios
 from hybridmpm.physics.manifest import default_model, models
 from hybridmpm_lab.compare import comparison, methods
 from hybridmpm_lab.compare.comparison import (
-    ORIGIN,
     Case,
     ComparisonSettings,
     comparison_command,
@@ -22,6 +21,7 @@ from hybridmpm_lab.compare.comparison import (
 from hybridmpm_lab.compare.truth import SHARES, reference_scene
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import setting
+from hybridmpm_lab.harness.provenance import ORIGIN
 from hybridmpm_lab.harness.rows import AT, FIRST_SEED, Row, RowStore, significant
 
 FRAMES = 400

@@ -43,6 +43,8 @@ MEASURES = (
     "slowdown",
 )  # fmt: skip
 """Figures of a run, in the order of the rows; each may be None. `run_missing` adds `slowdown`."""
+Looks = list[list[float]]
+"""Features of some frames (K, 13); empty without a run."""
 _NETWORKS = {"learned": "transport", "controlnet": "controlnet"}
 
 
@@ -111,15 +113,6 @@ class Problem:
         return prepare(self.simulator, self.meant, method="none", frames=self.frames, gentle=False).goal
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One run of a method on a case."""
-
-    row: Row
-    looks: list[list[float]]
-    """Features of some frames, (4, 13); empty without a run."""
-
-
 def problem(case: Case) -> Problem:
     """Simulate a case up to its sketch; raises `SimulationError`."""
     if case.family == "reversed":
@@ -139,8 +132,8 @@ def problem(case: Case) -> Problem:
     return Problem(case, solver, start.sketch, start.meant or start.sketch)
 
 
-def run(problem: Problem, name: str, method: Method | None) -> Trial:
-    """Let a method follow the sketch of a case, and measure the result.
+def run(problem: Problem, name: str, method: Method | None) -> tuple[Row, Looks]:
+    """Let a method follow the sketch of a case; return its row, and the features of some frames.
 
     Raises a `ConfigError` where the method is broken: it raised something else than a SimulationError, or its
     law gave no force.
@@ -148,7 +141,7 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
     case = problem.case
     head = {"scenario": case.scenario, "family": case.family, "sketch": case.kind, "seed": case.seed}
     head |= {"bodies": len(problem.simulator.scene.bodies), "method": name}
-    looks: list[list[float]] = []
+    looks: Looks = []
     figures: Row = {}
     failed = None
     if name == FILLED:
@@ -167,7 +160,7 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
                 ) from error
             failed = str(error)
     rounded = {measure: significant(figures.get(measure)) for measure in MEASURES}
-    return Trial(head | rounded | {"failed": failed}, looks)
+    return head | rounded | {"failed": failed}, looks
 
 
 def run_missing(
@@ -185,12 +178,12 @@ def run_missing(
         if names := _missing(settings, case, store):
             ready, before = problem(case), calibration.slowdown()
             for name in names:
-                trial = run(ready, name, settings.methods[name])
+                row, looks = run(ready, name, settings.methods[name])
                 after = calibration.slowdown()
-                row = trial.row | {"slowdown": significant(max(before, after), 3)}
+                row |= {"slowdown": significant(max(before, after), 3)}
                 file = f"{_NETWORKS.get(name.partition('-')[0])}_{scenarios.describe(case.scenario).dim}d"
                 row = origin.using(*({file} & set(shipped()))).stamped(row)
-                store.add(run_key(case, name), {"run": row, "looks": trial.looks})
+                store.add(run_key(case, name), {"run": row, "looks": looks})
                 before = after
                 on_progress(1)
     for scenario, seed in _missing_references(settings, store):
@@ -235,7 +228,7 @@ def _missing_references(settings: ControlSettings, store: RowStore) -> list[tupl
     return [one for one in wanted if ("reference", *one) not in store]
 
 
-def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, list[list[float]]]:
+def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, Looks]:
     """Return figures, and features of some frames."""
     twin = problem.simulator.copy()
     settings: Row = {"frames": problem.frames, "cap": ORACLE_CAP if name == ORACLE else CAP}
@@ -245,7 +238,7 @@ def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, l
     guidance, frames = following.guidance, following.guidance.frames
     moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}
     figures: Row = {"handed_over": float(guidance.method != name), "plan_ms": guidance.planning_ms}
-    looks: list[list[float]] = []
+    looks: Looks = []
     for done, _ in enumerate(following, start=1):
         now = time.perf_counter()
         if done == 1:

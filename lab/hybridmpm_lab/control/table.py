@@ -23,7 +23,7 @@ from hybridmpm_lab.control.runner import (
 from hybridmpm_lab.control.suite import REFERENCE_SEEDS, SETTINGS, Case, cases
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, runs_option
-from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.provenance import ORIGIN, Provenance
 from hybridmpm_lab.harness.rows import Row, RowStore, mean_fields, significant
 
 _Floats = npt.NDArray[np.float64]
@@ -40,7 +40,6 @@ PAPER = {
 """Final grid RMSE of arXiv:2505.18926, table control_nrmse: its constant force, its learned controller."""
 _SPREADS = ("error", "nrmse", "node_error", "transport", "path_error", "inside")
 """Measures whose standard error a row has."""
-_ORIGIN = ("machine", "date", "commit", "command", "solver_version")
 _UNIT = {
     "error": "final grid_rmse",
     "path_error": "distance from the path [mm]",
@@ -103,7 +102,7 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
                     "threads": 1,
                     **_figures(found, name, judged_by(family)),
                     **_naturalness(runs, natural.get(scenario) if family == "reversed" else None),
-                    **{field: mine[0][field] for field in _ORIGIN},
+                    **{field: mine[0][field] for field in ORIGIN},
                     "ingredients": " ".join(sorted(used)) or None,
                 }
             )

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import click
 import numpy as np
@@ -439,7 +439,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-@click.command()
+@click.command(params=settings_options(FitSettings))
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option(
     "--table",
@@ -449,14 +449,14 @@ _COLUMNS = (
     help="JSON file of the levels. Those that it has stay unless this search beats them. Default: "
     "levels.json in FOLDER.",
 )
-@settings_options(FitSettings)
-def fit(settings: FitSettings, folder: Path, file: Path | None) -> None:
+def fit(*, folder: Path, file: Path | None, **values: Any) -> None:
     """Fit the constants of coarse levels: grid, moduli, step and upsampling, for each material and dimension.
 
     FOLDER keeps every trial: an interrupted command is resumed, and with more
     --trials it searches on. Two commands may share a FOLDER if they fit different scenarios into different
     tables. Use a table by MpmSolver(scene, coarse=coarse_level(scene, "1/16", coarse_table(FILE))).
     """
+    settings = FitSettings(**values)
     file = folder / "levels.json" if file is None else file
     if file.parent != folder and not file.parent.is_dir():
         raise click.UsageError(f"--table: the folder {file.parent} does not exist.")

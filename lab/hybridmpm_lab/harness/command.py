@@ -1,6 +1,7 @@
 """A measurement as a command: its settings, which are its options, and the output of its rows."""
 
 import dataclasses
+import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,6 @@ from hybridmpm import scenarios
 from hybridmpm.cli.progress import progress
 from hybridmpm_lab.harness.provenance import Provenance, provenance
 from hybridmpm_lab.harness.rows import Progress, Row, print_table, read_rows, write_rows
-
-Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 def setting(
@@ -36,36 +35,22 @@ def scenarios_setting(default: tuple[str, ...] = scenarios.NAMES) -> Any:
     return setting(default, "Scenario of the scenes.", scenarios.NAMES)
 
 
-def settings_options(settings: type[Any]) -> Option:
-    """Return a decorator that gives a command the options of a settings class, as the argument `settings`.
-
-    A field `scenario: tuple[str, ...]` becomes the option `--scenario`, which may be given several times.
-    """
-    fields = [one for one in dataclasses.fields(settings) if "text" in one.metadata]
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        def called(**values: Any) -> Any:
-            given = {one.name: values.pop(one.name) for one in fields}
-            return command(settings=settings(**given), **values)
-
-        called.__doc__, called.__name__ = command.__doc__, command.__name__
-        called.__click_params__ = getattr(command, "__click_params__", [])  # type: ignore[attr-defined]
-        result: Callable[..., Any] = called
-        for one in reversed(fields):
-            several = isinstance(one.default, tuple)
-            result = click.option(
-                _option(one.name),
-                one.name,
+def settings_options(settings: type[Any]) -> list[click.Parameter]:
+    """Return the options of a settings class; `scenario: tuple[str, ...]` becomes `--scenario`."""
+    options: list[click.Parameter] = []
+    for one in dataclasses.fields(settings):
+        several, text = isinstance(one.default, tuple), one.metadata["text"]
+        options.append(
+            click.Option(
+                [_option(one.name)],
                 type=one.metadata["kind"],
-                is_flag=isinstance(one.default, bool),
                 multiple=several,
                 default=one.default,
                 show_default=one.default not in ((), None),
-                help=one.metadata["text"] + (" May be given several times." if several else ""),
-            )(result)
-        return result
-
-    return decorate
+                help=text + (" May be given several times." if several else ""),
+            )
+        )
+    return options
 
 
 def _option(name: str) -> str:
@@ -77,11 +62,9 @@ def origin_of(command: str, settings: Any) -> Provenance:
     words = ["python -m hybridmpm_lab", command]
     for one in dataclasses.fields(settings):
         value = getattr(settings, one.name)
-        if "text" in one.metadata and value != one.default:
+        if value != one.default:
             several = value if isinstance(one.default, tuple) else (value,)
-            words += [
-                _option(one.name) if given is True else f"{_option(one.name)} {given}" for given in several
-            ]
+            words += [f"{_option(one.name)} {given}" for given in several]
     return provenance(" ".join(words))
 
 
@@ -91,17 +74,16 @@ def _in_a_folder(_context: click.Context, option: click.Parameter, file: Path | 
     return file
 
 
-def file_option(name: str, text: str, *, exists: bool = False) -> Option:
+def file_option(name: str, text: str, *, exists: bool = False) -> click.Option:
     """Return an option for a file, as the argument `..._file`."""
     kind = click.Path(exists=exists, dir_okay=False, path_type=Path)
-    return click.option(
-        f"--{name}", f"{name}_file", type=kind, metavar="FILE", callback=_in_a_folder, help=text
-    )
+    names = [f"--{name}", f"{name}_file"]
+    return click.Option(names, type=kind, metavar="FILE", callback=_in_a_folder, help=text)
 
 
-def number_option(name: str, low: int, high: int, default: int, text: str) -> Option:
+def number_option(name: str, low: int, high: int, default: int, text: str) -> click.Option:
     """Return an option for one whole number."""
-    return click.option(name, type=click.IntRange(low, high), default=default, show_default=True, help=text)
+    return click.Option([name], type=click.IntRange(low, high), default=default, show_default=True, help=text)
 
 
 runs_option = file_option(
@@ -134,26 +116,18 @@ class Measurement:
     draw: Callable[[Sequence[Row], Path], object] | None = None
     show: Callable[[Sequence[Row]], object] | None = None
     """Prints the rows in place of a table of `columns`."""
-    options: Sequence[Option] = ()
+    options: Sequence[click.Option] = ()
     """Further options."""
 
     def command(self) -> click.Command:
         """Return the command."""
 
-        @settings_options(self.settings)
-        @file_option(
-            "rows", "Print and draw the rows of this file of --json, and measure nothing.", exists=True
-        )
-        @file_option("json", "Write the rows to this JSON file, too.")
         def run(
-            *,
-            settings: Any,
-            rows_file: Path | None,
-            json_file: Path | None,
-            chart_file: Path | None = None,
-            **more: Any,
+            rows_file: Path | None, json_file: Path | None, chart_file: Path | None = None, **more: Any
         ) -> None:
             if rows_file is None:
+                fields = dataclasses.fields(self.settings)
+                settings = self.settings(**{one.name: more.pop(one.name) for one in fields})
                 rows = self.measure(settings, origin_of(self.name, settings), **more)
             else:
                 rows = read_rows(rows_file)
@@ -169,10 +143,12 @@ class Measurement:
             origin = rows[0]
             click.echo(f"{origin['machine']}, {origin['date']}, commit {origin['commit'] or 'unknown'}")
 
-        run.__doc__ = self.summary
-        called: Callable[..., Any] = run
+        text = "Print and draw the rows of this file of --json, and measure nothing."
+        files = [
+            file_option("rows", text, exists=True),
+            file_option("json", "Write the rows to this JSON file, too."),
+        ]
         if self.draw is not None:
-            called = file_option("chart", "Draw the rows into this file.")(called)
-        for option in self.options:
-            called = option(called)
-        return click.command(self.name)(called)
+            files.append(file_option("chart", "Draw the rows into this file."))
+        params = [*self.options, *files, *settings_options(self.settings)]
+        return click.Command(self.name, params=params, callback=run, help=inspect.cleandoc(self.summary))

@@ -70,6 +70,10 @@ class Provenance:
         return row | dataclasses.asdict(self)
 
 
+ORIGIN = tuple(one.name for one in dataclasses.fields(Provenance))
+"""Names of these fields."""
+
+
 def provenance(command: str) -> Provenance:
     """Return the origin of a run of a command that starts now."""
     return Provenance(

@@ -8,8 +8,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -35,16 +36,6 @@ _LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 _RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
 
 
-class Subject(NamedTuple):
-    """A scene to be timed."""
-
-    labels: Row
-    """Fields that name it in its rows."""
-    scene: Scene
-    run_up: int
-    """Frames before the measurement."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class SolverSettings:
     """Blocks of water and sand in 2D and 3D that fall aslant, and the settings of the measurement."""
@@ -61,19 +52,15 @@ class SolverSettings:
     )
     repeats: int = setting(25, "Number of timings of each.", low=1, high=1000)
 
-    def subjects(self) -> list[Subject]:
-        """Return a block for each number of particles, number of frames, dimension and material."""
-        return [
-            Subject({"dim": dim, "material": of}, falling_block(dim, of, count), frames)
-            for count in self.particles
-            for frames in self.frame
-            for dim, of in CASES
-        ]
+    @property
+    def blocks(self) -> list[tuple[int, int, tuple[int, str]]]:
+        """Numbers of particles and of frames before, with dimension and material."""
+        return list(product(self.particles, self.frame, CASES))
 
     @property
     def steps(self) -> int:
         """Number of rows."""
-        return len(self.subjects()) * len(self.threads)
+        return len(self.blocks) * len(self.threads)
 
 
 def falling_block(dim: int, material: str, particles: int) -> Scene:
@@ -120,20 +107,19 @@ def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
     calibration = Calibration(max(settings.threads))
     with contextlib.ExitStack() as stack:
         baselines = [stack.enter_context(baseline_process(name)) for name in settings.baseline]
-        for subject in settings.subjects():
+        for particles, run_up, (dim, of) in settings.blocks:
             before = calibration.slowdown()
-            rows = _timed(subject, settings, baselines)
+            rows = _timed(falling_block(dim, of, particles), run_up, settings, baselines)
             slowdown = round(max(before, calibration.slowdown()), 2)
             for row in rows:
-                yield subject.labels | row | {"slowdown": slowdown, "loaded": slowdown >= QUIET}
+                yield {"dim": dim, "material": of} | row | {"slowdown": slowdown, "loaded": slowdown >= QUIET}
                 on_progress(1)
 
 
-def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Baseline]) -> list[Row]:
-    scene = subject.scene
+def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Sequence[Baseline]) -> list[Row]:
     solvers = {count: MpmSolver(scene, substeps="reference", threads=count) for count in settings.threads}
     first = next(iter(solvers.values()))
-    first.advance(subject.run_up)
+    first.advance(run_up)
     require_sane(first)
     start, count = first.snapshot(), first.particle_count
     state = (first.positions, first.velocities, first.affine, first.volume_ratio)
@@ -173,7 +159,7 @@ def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Basel
         {
             "particles": count,
             "resolution": scene.resolution,
-            "frame": subject.run_up,
+            "frame": run_up,
             "threads": threads,
             "instructions": _core.limit_instructions(INSTRUCTIONS[-1]),
             "substeps": substeps,

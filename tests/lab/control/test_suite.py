@@ -83,9 +83,9 @@ def test_a_hand_is_judged_by_the_sketch_before_it() -> None:
     ready = problem(Case("hand", "water_2d", "oval", 1_245_000))
     assert ready.meant is not ready.sketch
     # The floor is the error of the reading alone.
-    assert 0 < run(ready, "filled", None).row["transport"] < 0.03
+    assert 0 < run(ready, "filled", None)[0]["transport"] < 0.03
     meant = dataclasses.replace(ready, sketch=ready.meant)
-    assert run(meant, "filled", None).row["transport"] < 1e-6
+    assert run(meant, "filled", None)[0]["transport"] < 1e-6
 
 
 def test_a_case_is_the_same_to_the_bit_each_time() -> None:
@@ -101,7 +101,7 @@ def test_the_oracle_leads_a_reversed_case_back_to_its_truth() -> None:
     assert ready.frames == 100
     moved = np.linalg.norm(ready.simulator.positions.mean(axis=0) - ready.truth.mean(axis=0))
     assert moved > 0.05
-    row = run(ready, "oracle", None).row
+    row = run(ready, "oracle", None)[0]
     assert row["error"] < 0.3
     assert row["transport"] < 0.01
 
@@ -116,7 +116,7 @@ def test_every_sketch_can_be_followed_from_its_start() -> None:
 
 
 def test_a_filled_sketch_has_all_of_its_mass_inside_and_no_distance(block: MpmSolver) -> None:
-    row = run(Problem(Case("free", "water_2d", "oval", 0), block, OVAL, OVAL), "filled", None).row
+    row = run(Problem(Case("free", "water_2d", "oval", 0), block, OVAL, OVAL), "filled", None)[0]
     assert (row["inside"], row["inside_later"]) == (1.0, 1.0)
     assert row["transport"] == pytest.approx(0, abs=1e-6)
     assert row["centroid_error"] == pytest.approx(0, abs=1e-6)
