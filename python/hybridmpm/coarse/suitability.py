@@ -18,8 +18,8 @@ SLENDER = 2.0
 """Thickness of an elastic body [cells of the level] below which it folds; other bodies take one cell."""
 SMALL_SINK = {2: 5.0, 3: 11.0}
 """Measure of a sink [cells of the level], by dimension, below which it drains less than it should."""
-CHOKED = 2 / 3
-"""Share of the scene's own flow through a gap below which a level chokes it [-]."""
+CHOKED, CHOKED_SAND = 0.5, 0.75
+"""Share of the scene's own flow through a gap below which a level may choke it [-]; sand chokes sooner."""
 
 
 def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None = None) -> list[str]:
@@ -89,16 +89,17 @@ def _body_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
 def _gap_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     """Warn of gaps that let through much less on the level's grid than on the scene's own."""
     found = [(gap.flow(level.resolution), gap.flow(scene.resolution), gap) for gap in narrow_gaps(scene)]
-    choked = [one for one in found if one[0] < CHOKED * one[1]]
+    share = CHOKED_SAND if any(one.kind == "sand" for one in scene.materials) else CHOKED
+    choked = [one for one in found if one[0] < share * one[1]]
     if choked:
         flow, own, gap = min(choked, key=lambda one: one[0] / one[1])
         others = f", and {len(choked) - 1} more are narrow" if len(choked) > 1 else ""
-        wider = wide_enough(CHOKED, level.resolution, scene.resolution)
+        wider = wide_enough(share, level.resolution, scene.resolution)
         yield (
             f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
-            f"{gap.width * level.resolution:.2g} cells of coarse level {level.name!r} wide and lets about "
-            f"{flow / own:.0%} of the scene's flow through{others}: widen it to {wider:.2g} m, or take a "
-            "coarse level of more particles"
+            f"{gap.width * level.resolution:.2g} cells of coarse level {level.name!r} wide and may let as "
+            f"little as {flow / own:.0%} of the scene's flow through{others}: widen it to {wider:.2g} m, or "
+            "take a coarse level of more particles"
         )
 
 

@@ -388,7 +388,7 @@ def test_gaps_that_a_level_chokes_are_told() -> None:
 
     (text,) = unsuited("1/64", obstacles=plate(0.05))
     assert "the gap of 0.05 m between obstacles[0] and obstacles[1] is 1.4 cells" in text
-    assert "lets about 13% of the scene's flow through: widen it to" in text
+    assert "may let as little as 13% of the scene's flow through: widen it to" in text
     assert unsuited("1/4", obstacles=plate(0.05)) == unsuited("1/64", obstacles=plate(0.3)) == []
     assert unsuited("1/64", obstacles=plate(0.0)) == []
     tank = (
