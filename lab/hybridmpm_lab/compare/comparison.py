@@ -285,7 +285,9 @@ def _of_case(case: Case, store: RowStore) -> list[Row]:
             row = _row(case, name, list(known[name].values()), time, estimates)
             if case.base:
                 found = list(ratios(case, name, store).values())
-                row |= mean_fields("ratio", found) | {"worst": significant(max(found, default=None))}
+                tail = significant(float(np.quantile(found, 0.9)) if found else None)
+                row |= mean_fields("ratio", found) | {"ratio_p90": tail}
+                row |= {"worst": significant(max(found, default=None))}
             rows.append(row)
     real = [row for row in rows if row_name(row) not in BOUNDS]
     rivals = [row for row in real if row["method"] in RIVALS]
