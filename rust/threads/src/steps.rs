@@ -38,7 +38,7 @@ impl Step {
 }
 
 /// Most steps of one call.
-const MAX_STEPS: usize = 6;
+const MAX_STEPS: usize = 8;
 
 /// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb
 /// each other.

@@ -58,7 +58,7 @@ def gained_on(face: str, faces: dict[str, object], *, dim: int = 2, **walls: obj
         }
     )
     solver = MpmSolver(scene)
-    solver.advance(40)
+    solver.advance(100)  # it lands
     early = np.mean(solver.velocities[:, along])
     solver.advance(60)
     return float(np.mean(solver.velocities[:, along]) - early) / 0.15

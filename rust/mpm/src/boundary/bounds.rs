@@ -1,7 +1,7 @@
 //! Allowed positions of particles, and their correction.
 
+use super::contact::Walls;
 use super::wall_fill::WallFill;
-use super::walls::Walls;
 use crate::grid::{Layout, Stencils};
 use crate::linalg::{Lanes, Vector};
 

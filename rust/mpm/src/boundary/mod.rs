@@ -2,6 +2,7 @@
 
 mod bounds;
 mod contact;
+mod lines;
 mod motion;
 mod moving;
 mod node;
@@ -10,15 +11,13 @@ mod obstacles;
 mod shape;
 mod wall_contact;
 mod wall_fill;
-mod walls;
 
 pub use bounds::Bounds;
-pub use contact::{Contact, ContactKind, remaining_slip};
+pub use contact::{Contact, ContactKind, Walls, remaining_slip};
 pub use motion::{Motion, Swing};
 pub use node::MaterialFriction;
 pub use obstacle::{Obstacle, Placed};
 pub use obstacles::Obstacles;
 pub use shape::Shape;
-pub use wall_contact::WallContact;
+pub use wall_contact::{Lines, WallContact};
 pub use wall_fill::WallFill;
-pub use walls::Walls;

@@ -1,9 +1,11 @@
 //! Where moving obstacles are, and which grid nodes they can touch for a while.
 
+use super::lines::LINE_CELLS;
 use super::motion::Pose;
 use super::node::{BAND_CELLS, ByRow, stencil_reach};
 use super::obstacle::Obstacle;
 use crate::grid::Layout;
+use crate::linalg::Vector;
 
 /// How far solids may move before the nodes that they can touch are looked for anew.
 const MARGIN_CELLS: f32 = 2.0;
@@ -87,7 +89,8 @@ impl<const D: usize> MovingObstacles<D> {
                 if let Some(pose) = &self.poses[index] {
                     let nodes = &mut self.nodes.nodes;
                     let near = &mut near[row * layout.row_length..][..layout.extent];
-                    search_row(obstacle, pose, layout, row, near, |column| {
+                    let solid = (obstacle, Some(pose));
+                    search_row(solid, layout, row, MARGIN_CELLS, near, |column, _, _| {
                         nodes.push(ReachableNode {
                             column: column as u32,
                             obstacle: index as u32,
@@ -100,31 +103,32 @@ impl<const D: usize> MovingObstacles<D> {
     }
 }
 
-/// Walks along a row, in strides as long as the distance allows.
-fn search_row<const D: usize>(
-    obstacle: &Obstacle<D>,
-    pose: &Pose<D>,
+/// Walks along a row, in strides as long as the distance allows. Calls back with the column, the distance and the normal of
+/// nodes on which the solid may act until it has moved by a margin [cells].
+pub(super) fn search_row<const D: usize>(
+    (obstacle, pose): (&Obstacle<D>, Option<&Pose<D>>),
     layout: &Layout<D>,
     row: usize,
+    margin: f32,
     near: &mut [bool],
-    mut found: impl FnMut(usize),
+    mut found: impl FnMut(usize, f32, Vector<D>),
 ) {
     let dx = layout.dx();
-    let margin = MARGIN_CELLS * dx;
+    let margin = margin * dx;
     let (outer, inner) = (stencil_reach(layout) + margin, -BAND_CELLS * dx - margin);
     let mut node = layout.row_coordinates(row);
     let mut column = 0;
     while column < layout.extent {
         node[D - 1] = column;
-        let (distance, _) = obstacle.distance_in(Some(pose), &layout.position(node));
+        let (distance, normal) = obstacle.distance_in(pose, &layout.position(node));
         // A distance changes by at most dx from one node to the next.
         let to_surface = (distance - outer).max(inner - distance);
         let stride = ((to_surface / dx) as usize).clamp(1, layout.extent - column);
         if distance < outer {
             near[column..column + stride].fill(true);
         }
-        if distance <= margin && distance > inner {
-            found(column);
+        if distance <= margin + LINE_CELLS * dx && distance > inner {
+            found(column, distance, normal);
         }
         column += stride;
     }

@@ -2,7 +2,7 @@
 
 use wide::f32x4;
 
-use crate::grid::{Layout, SMALLEST_MASS, Window};
+use crate::grid::{Layout, SMALLEST_MASS};
 use crate::linalg::Vector;
 
 /// Wall friction of the material at a node: one number, or the mass-weighted mean of several.
@@ -13,11 +13,12 @@ pub enum MaterialFriction {
 }
 
 impl MaterialFriction {
+    /// `friction_mass` are the sums of mass times wall friction at some nodes, of which this is one with its mass.
     #[inline(always)]
-    pub fn at<const D: usize>(&self, window: &Window<'_, D>, index: usize, mass: f32) -> f32 {
+    pub fn at(&self, friction_mass: &[f32], node: usize, mass: f32) -> f32 {
         match self {
             Self::Uniform(friction) => *friction,
-            Self::Mixed => window.friction_mass[index] / mass,
+            Self::Mixed => friction_mass[node] / mass,
         }
     }
 }
@@ -25,9 +26,12 @@ impl MaterialFriction {
 /// Nodes this deep inside are reached by no particle.
 pub(super) const BAND_CELLS: f32 = 4.0;
 
-/// Whether an obstacle acts on a node at this distance.
+/// An obstacle acts on nodes that lie this deep inside besides its surface: they belong to no line across it [cells].
+const DEEP_CELLS: f32 = 1.5;
+
+/// Whether an obstacle acts on a node at this distance, and not only at its surface.
 pub(super) fn acts_at<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
-    distance <= 0.0 && distance > -BAND_CELLS * layout.dx()
+    distance <= -DEEP_CELLS * layout.dx() && distance > -BAND_CELLS * layout.dx()
 }
 
 /// How far from its stencil's lowest node a particle is tested: it has moved by up to a cell since.
@@ -37,27 +41,18 @@ pub(super) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
 
 /// Changes the velocity of a node that has mass, and returns the impulse that did it [kg m/s].
 pub(super) fn change_velocity<const D: usize>(
-    window: &mut Window<'_, D>,
-    index: usize,
-    material_friction: &MaterialFriction,
+    node: &mut f32x4,
     change: impl Fn(&Vector<D>, f32) -> Vector<D>,
 ) -> Vector<D> {
-    let lanes = window.nodes[index].to_array();
+    let lanes = node.as_mut_array();
     let mass = lanes[3];
     if mass <= SMALLEST_MASS {
         return Vector::zeros();
     }
     let v = Vector::from_fn(|axis, _| lanes[axis]);
-    let changed = change(&v, material_friction.at(window, index, mass));
-    window.nodes[index] = with_velocity(lanes, &changed);
+    let changed = change(&v, mass);
+    lanes[..D].copy_from_slice(changed.as_slice());
     (changed - v) * mass
-}
-
-/// A node with another velocity and the same mass.
-#[inline(always)]
-fn with_velocity<const D: usize>(mut lanes: [f32; 4], v: &Vector<D>) -> f32x4 {
-    lanes[..D].copy_from_slice(v.as_slice());
-    f32x4::from(lanes)
 }
 
 /// Something at grid nodes, ordered by row.

@@ -1,9 +1,8 @@
 //! One solid, at rest or in prescribed motion.
 
-use super::contact::Contact;
+use super::contact::{Contact, Walls};
 use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
-use super::walls::Walls;
 use crate::error::MpmError;
 use crate::linalg::Vector;
 

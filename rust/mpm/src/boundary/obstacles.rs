@@ -1,15 +1,18 @@
 //! All solids of a scene: contact on grid nodes, and particles kept outside.
 
+use super::contact::Walls;
+use super::lines::{LINE_CELLS, Line, LineWindow, Solids};
 use super::motion::Pose;
-use super::moving::MovingObstacles;
+use super::moving::{MovingObstacles, search_row};
 use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, stencil_reach};
 use super::obstacle::Obstacle;
 use super::wall_fill::cumulative;
-use super::walls::Walls;
-use crate::grid::{Layout, Span, Window};
+use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, PADDING, SMALLEST_MASS, Span, Window};
 use crate::linalg::Vector;
+use std::ops::Range;
+use wide::f32x4;
 
-/// A grid node inside an obstacle at rest.
+/// A grid node deep inside an obstacle at rest.
 #[derive(Debug, Clone, Copy)]
 struct SolidNode<const D: usize> {
     /// Position in its row.
@@ -24,8 +27,10 @@ pub struct Obstacles<const D: usize> {
     list: Vec<Obstacle<D>>,
     walls: Walls<D>,
     layout: Layout<D>,
-    /// Nodes inside obstacles at rest.
+    /// Nodes deep inside obstacles at rest.
     solid: ByRow<SolidNode<D>>,
+    /// Lines of nodes across the surfaces of obstacles at rest, by the axis along which they lie.
+    lines: [Vec<Line<D>>; D],
     /// None where all obstacles are at rest.
     moving: Option<MovingObstacles<D>>,
     /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
@@ -40,6 +45,7 @@ impl<const D: usize> Obstacles<D> {
             walls: *walls,
             layout: *layout,
             solid: ByRow::EMPTY,
+            lines: std::array::from_fn(|_| Vec::new()),
             moving: None,
             near: Vec::new(),
         };
@@ -61,34 +67,72 @@ impl<const D: usize> Obstacles<D> {
         prepared
     }
 
+    /// Finds the nodes and lines on which obstacles at rest act.
     fn find_solid_nodes(&mut self) {
         let layout = self.layout;
-        self.solid.clear();
-        for row in 0..layout.row_count() {
-            let mut node = layout.row_coordinates(row);
-            for column in 0..layout.extent {
-                node[D - 1] = column;
-                let x = layout.position(node);
-                let mut near = false;
-                for (index, obstacle) in self.list.iter().enumerate() {
-                    if obstacle.motion.is_some() {
-                        continue;
-                    }
-                    let (distance, normal) = obstacle.shape.distance(&x);
-                    near |= distance < stencil_reach(&layout);
-                    if acts_at(distance, &layout) {
-                        self.solid.nodes.push(SolidNode {
-                            column: column as u32,
-                            obstacle: index as u32,
-                            normal,
-                        });
-                    }
-                }
-                self.near.push(near);
+        let solids = Solids {
+            list: &self.list,
+            poses: &[],
+            layout: &layout,
+        };
+        let rows_per_plane = layout.rows_per_plane();
+        self.near = vec![false; layout.row_count() * layout.row_length];
+        let mut solid = Vec::new();
+        for (index, obstacle) in self.list.iter().enumerate() {
+            if obstacle.motion.is_some() {
+                continue;
             }
-            let padding = layout.row_length - layout.extent;
-            self.near.extend(std::iter::repeat_n(false, padding));
+            let [lower, upper] = obstacle.shape.bounds();
+            let reach = stencil_reach(&layout);
+            let nodes = |axis: usize| {
+                // Solids may reach to infinity.
+                let cells = |x: f32| x.clamp(-1.0, 2.0) * layout.resolution as f32 + PADDING as f32;
+                let (lo, hi) = (cells(lower[axis] - reach), cells(upper[axis] + reach));
+                // Conversion saturates at zero.
+                let node = |cell: f32| (cell as usize).min(layout.extent);
+                node(lo.floor())..node(hi.ceil() + 1.0)
+            };
+            let rows = if D == 3 { nodes(1) } else { 0..1 };
+            for row in nodes(0).flat_map(|plane| rows.clone().map(move |row| (plane, row))) {
+                let row = row.0 * rows_per_plane + row.1;
+                let near = &mut self.near[row * layout.row_length..][..layout.extent];
+                let mut node = layout.row_coordinates(row);
+                let found = |column: usize, distance: f32, normal: Vector<D>| {
+                    node[D - 1] = column;
+                    if acts_at(distance, &layout) {
+                        let (column, obstacle) = (column as u32, index as u32);
+                        solid.push((
+                            row,
+                            SolidNode {
+                                column,
+                                obstacle,
+                                normal,
+                            },
+                        ));
+                    } else if distance > 0.0 {
+                        let memory = row * layout.row_length + column;
+                        for axis in 0..D {
+                            let outside = (node, memory);
+                            let at = (distance, normal);
+                            let line = |up: f32| solids.line(index, outside, at, axis, up);
+                            self.lines[axis].extend([1.0, -1.0].into_iter().filter_map(line));
+                        }
+                    }
+                };
+                search_row((obstacle, None), &layout, row, 0.0, near, found);
+            }
+        }
+        solid.sort_by_key(|(row, node)| (*row, node.column, node.obstacle));
+        self.solid.clear();
+        let mut solid = solid.into_iter().peekable();
+        for row in 0..layout.row_count() {
+            while let Some((_, node)) = solid.next_if(|(of, _)| *of == row) {
+                self.solid.nodes.push(node);
+            }
             self.solid.end_row();
+        }
+        for lines in &mut self.lines {
+            lines.sort_by_key(|line| (line.node, line.obstacle));
         }
     }
 
@@ -112,35 +156,159 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
-    /// Applies contact to the grid velocities of some spans in a window, and returns the work that moving obstacles did [J].
+    /// Whether there may be lines across surfaces that lie along the first axis.
+    pub fn act_across(&self) -> bool {
+        self.moving.is_some() || !self.lines[0].is_empty()
+    }
+
+    /// Lets obstacles act on the velocities of a window of planes, but for lines along the first axis, and returns the work
+    /// that moving ones do [J].
     pub fn apply(
         &self,
         window: &mut Window<'_, D>,
-        spans: &[Span],
-        material_friction: &MaterialFriction,
+        fields: &mut Option<FieldWindow<'_>>,
+        kinds: FieldMap<'_>,
+        friction: &MaterialFriction,
     ) -> f64 {
         if self.list.is_empty() {
             return 0.0;
         }
-        spans
-            .iter()
-            .map(|&span| self.apply_to_span(window, span, material_friction))
-            .sum()
+        let mut work = 0.0;
+        let first = window.first as isize;
+        let row_length = self.layout.row_length;
+        for &span in window.active() {
+            let start = (span.row * row_length) as isize - first;
+            let target = (&mut *window.nodes, &*window.friction_mass);
+            work += self.apply_to_deep(target, start, span, friction);
+        }
+        if let Some(fields) = fields {
+            for (number, slot) in fields.slots.iter().enumerate() {
+                let node = slot.chunk as usize * CHUNK;
+                let (row, lo) = (node / row_length, node % row_length);
+                let hi = lo + CHUNK;
+                let start = (number * CHUNK) as isize - lo as isize;
+                let target = (&mut *fields.nodes, &*fields.friction_mass);
+                work += self.apply_to_deep(target, start, Span { row, lo, hi }, friction);
+            }
+        }
+        let moving = self.moving_lines(window, fields.as_ref(), window.planes.clone(), 1..D);
+        let mut lines = LineWindow {
+            window,
+            fields,
+            kinds,
+            friction,
+        };
+        for axis in (1..D).rev() {
+            let planes = lines.window.planes.clone();
+            work += self.act_on_lines(&mut lines, self.lines_of(axis, planes));
+            work += self.act_on_lines(&mut lines, moving[axis].iter());
+        }
+        work
     }
 
-    fn apply_to_span(
+    /// The same for lines along the first axis that begin in some of the planes.
+    pub fn apply_across(
         &self,
         window: &mut Window<'_, D>,
+        fields: &mut Option<FieldWindow<'_>>,
+        kinds: FieldMap<'_>,
+        friction: &MaterialFriction,
+        planes: Range<usize>,
+    ) -> f64 {
+        let moving = self.moving_lines(window, fields.as_ref(), planes.clone(), 0..1);
+        let mut lines = LineWindow {
+            window,
+            fields,
+            kinds,
+            friction,
+        };
+        self.act_on_lines(&mut lines, self.lines_of(0, planes))
+            + self.act_on_lines(&mut lines, moving[0].iter())
+    }
+
+    /// The lines across obstacles at rest that lie along an axis and begin in some planes.
+    fn lines_of(&self, axis: usize, planes: Range<usize>) -> impl Iterator<Item = &Line<D>> {
+        let place = |plane: usize| {
+            let first = plane * self.layout.nodes_per_plane();
+            self.lines[axis].partition_point(|line| line.node < first)
+        };
+        self.lines[axis][place(planes.start)..place(planes.end)].iter()
+    }
+
+    /// The lines across moving obstacles, axis by axis, that begin in some planes at a node with mass.
+    fn moving_lines(
+        &self,
+        window: &Window<'_, D>,
+        fields: Option<&FieldWindow<'_>>,
+        planes: Range<usize>,
+        axes: Range<usize>,
+    ) -> [Vec<Line<D>>; D] {
+        let mut found = std::array::from_fn(|_| Vec::new());
+        let Some(moving) = &self.moving else {
+            return found;
+        };
+        let solids = self.solids();
+        let shared = |chunk: usize| fields.is_some_and(|fields| fields.map().is_shared(chunk));
+        for span in window.active_in(planes) {
+            let mut place = self.layout.row_coordinates(span.row);
+            for reachable in moving.nodes.row(span.row) {
+                let column = reachable.column as usize;
+                if !(span.lo..span.hi).contains(&column) {
+                    continue;
+                }
+                let memory = span.row * self.layout.row_length + column;
+                let mass = window.nodes[memory - window.first].as_array()[3];
+                if mass <= SMALLEST_MASS && !shared(memory / CHUNK) {
+                    continue;
+                }
+                place[D - 1] = column;
+                let index = reachable.obstacle as usize;
+                let x = self.layout.position(place);
+                let at = self.list[index].distance_in(solids.pose(index), &x);
+                if at.0 > 0.0 && at.0 <= LINE_CELLS * self.layout.dx() {
+                    for axis in axes.clone() {
+                        let line = |up: f32| solids.line(index, (place, memory), at, axis, up);
+                        found[axis].extend([1.0, -1.0].into_iter().filter_map(line));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    fn act_on_lines<'l>(
+        &self,
+        target: &mut LineWindow<'_, '_, '_, D>,
+        lines: impl Iterator<Item = &'l Line<D>>,
+    ) -> f64 {
+        let solids = self.solids();
+        lines.map(|line| target.act(line, &solids)).sum()
+    }
+
+    fn solids(&self) -> Solids<'_, D> {
+        Solids {
+            list: &self.list,
+            poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
+            layout: &self.layout,
+        }
+    }
+
+    /// Acts on the nodes deep inside in a span, the first of whose row has the number `start` among those given.
+    fn apply_to_deep(
+        &self,
+        (nodes, friction_mass): (&mut [f32x4], &[f32]),
+        start: isize,
         span: Span,
         material_friction: &MaterialFriction,
     ) -> f64 {
         let within = |column: u32| (span.lo..span.hi).contains(&(column as usize));
-        let start = span.row * self.layout.row_length - window.first;
+        let number = |column: u32| start.wrapping_add_unsigned(column as usize) as usize;
         for node in self.solid.row(span.row) {
             if within(node.column) {
                 let contact = self.list[node.obstacle as usize].contact;
-                let index = start + node.column as usize;
-                change_velocity(window, index, material_friction, |v, friction| {
+                let index = number(node.column);
+                change_velocity(&mut nodes[index], |v, mass| {
+                    let friction = material_friction.at(friction_mass, index, mass);
                     contact.resolve(v, &node.normal, friction)
                 });
             }
@@ -151,18 +319,18 @@ impl<const D: usize> Obstacles<D> {
         };
         let mut place = self.layout.row_coordinates(span.row);
         for node in moving.nodes.row(span.row) {
-            if within(node.column) {
+            let index = number(node.column);
+            if within(node.column) && nodes[index].as_array()[3] > SMALLEST_MASS {
                 place[D - 1] = node.column as usize;
                 let x = self.layout.position(place);
                 let obstacle = &self.list[node.obstacle as usize];
                 let pose = moving.poses[node.obstacle as usize].as_ref();
                 let (distance, normal) = obstacle.distance_in(pose, &x);
                 if acts_at(distance, &self.layout) {
-                    let index = start + node.column as usize;
-                    let impulse =
-                        change_velocity(window, index, material_friction, |v, friction| {
-                            obstacle.resolve(pose, &x, v, &normal, friction)
-                        });
+                    let impulse = change_velocity(&mut nodes[index], |v, mass| {
+                        let friction = material_friction.at(friction_mass, index, mass);
+                        obstacle.resolve(pose, &x, v, &normal, friction)
+                    });
                     work += f64::from(impulse.dot(&velocity_of(pose, &x)));
                 }
             }

@@ -102,6 +102,25 @@ impl<const D: usize> Shape<D> {
         }
     }
 
+    /// Lowest and highest corner of a box around the solid [m]; infinite for a half-space.
+    pub fn bounds(&self) -> [Vector<D>; 2] {
+        let (one, other, beyond) = match self {
+            Self::Ball { center, radius } => (center, center, *radius),
+            Self::Box { lower, upper } => (lower, upper, 0.0),
+            Self::Segment {
+                start,
+                end,
+                thickness,
+            } => (start, end, 0.5 * thickness),
+            Self::Cylinder { start, end, radius } => (start, end, *radius),
+            Self::HalfSpace { point, .. } => (point, point, f32::INFINITY),
+        };
+        [
+            Vector::from_fn(|axis, _| one[axis].min(other[axis]) - beyond),
+            Vector::from_fn(|axis, _| one[axis].max(other[axis]) + beyond),
+        ]
+    }
+
     /// Signed distance, negative inside, and the unit normal of the nearest surface point.
     pub fn distance(&self, x: &Vector<D>) -> (f32, Vector<D>) {
         match self {

@@ -7,24 +7,51 @@
 //! p pushes node i with exactly -p w_i(x_w) per area, so fluid at rest stays at rest: a wall on the
 //! nearest node line would let it sink by up to half a cell.
 //!
-//! Contact begins where the face of the material is nearer to the wall than `REACH`. The distance d of a plane face
+//! Contact begins where the face of the material is nearer to the wall than its reach. The distance d of a plane face
 //! follows from the ratio of the masses of the middle and the inner node, and from the position of the wall between
 //! nodes. So the reach does not depend on that position. With a test for mass on a single node it would vary by up to a
 //! cell: material would stop at a third of a cell from one wall, and at one and a third from another.
 
-use super::contact::{Contact, ContactKind, remaining_slip};
+use super::contact::{Contact, ContactKind, Walls, remaining_slip};
 use super::node::MaterialFriction;
 use super::wall_fill::cumulative;
-use super::walls::Walls;
 use crate::grid::{
     ActiveSpans, CHUNK, Fields, Layout, PADDING, SMALLEST_MASS, Span, Window, spline,
 };
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
-/// Distance from the wall at which contact begins [cells]. It must include material at rest on a wall, whose lowest
-/// particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a fine
-/// one.
+/// Distance from a surface at which contact begins [cells], of what flows. It must include material at rest on a wall, whose
+/// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
+/// fine one.
 const REACH: f64 = 0.45;
+/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll; with a
+/// smaller one it rolls on particles that are put back on the wall one by one.
+const ELASTIC_REACH: f64 = 0.0;
+
+/// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
+const HELD_REACH: f64 = 0.9;
+
+/// Mass of the middle node over that of the inner one where material begins to touch [-]: what flows, and what is elastic.
+/// The surface lies at `face` [cells] from the middle node towards the inner one, and its normal has this part along the line.
+pub(super) fn touching(face: f64, normal: f64, kind: ContactKind) -> [f32; 2] {
+    let reaches = match kind {
+        ContactKind::Separating => [REACH, ELASTIC_REACH],
+        ContactKind::Sticky | ContactKind::Slip => [HELD_REACH; 2],
+    };
+    reaches.map(|reach| {
+        let face = face + reach / normal;
+        (cumulative(-face) / cumulative(1.0 - face)) as f32
+    })
+}
+
+/// Which lines across walls to change.
+#[derive(Debug, Clone, Copy)]
+pub struct Lines<'a> {
+    /// Those of the grid, or of a field that has its own nodes; and whether that is elastic.
+    pub own: Option<bool>,
+    /// Those across the first axis, the others, or one after the other.
+    pub across_first: &'a [bool],
+}
 
 /// One wall on the grid.
 #[derive(Debug, Clone)]
@@ -37,11 +64,12 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
-    /// Mass of the middle node over that of the inner one where material begins to touch the wall [-].
-    touching: f32,
+    /// See `touching`.
+    touching: [f32; 2],
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
-    /// lines are parts of rows, else the first of each chunk of lines side by side.
-    lines: Vec<usize>,
+    /// lines are parts of rows, else the first of each chunk of lines side by side. First those that something may reach that
+    /// flows, and then those that only elastic bodies reach.
+    lines: [Vec<usize>; 2],
     /// Those of them whose nodes carry several fields.
     shared_lines: Vec<usize>,
 }
@@ -61,16 +89,15 @@ impl WallContact {
             if inward < 0.0 {
                 weights.reverse();
             }
-            // The face at the reach, in cells inward from the middle node.
-            let face = (xi - base - 1.0) * f64::from(inward) + REACH;
+            let face = (xi - base - 1.0) * f64::from(inward);
             Side {
                 axis,
                 inward,
                 contact,
                 middle: base as usize + 1,
                 weights,
-                touching: (cumulative(-face) / cumulative(1.0 - face)) as f32,
-                lines: Vec::new(),
+                touching: touching(face, 1.0, contact.kind),
+                lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
             }
         };
@@ -94,37 +121,39 @@ impl WallContact {
         layout: &Layout<D>,
     ) {
         for side in &mut self.sides {
-            side.lines.clear();
+            let mut lines = std::mem::take(&mut side.lines[0]);
+            lines.clear();
             let chunks = |span: &Span| {
                 let start = span.row * layout.row_length;
                 (start + span.lo..start + span.hi).step_by(CHUNK)
             };
             if side.axis == 0 {
                 let planes = side.middle..side.middle + 1;
-                side.lines
-                    .extend(active.of_planes(planes).iter().flat_map(chunks));
+                lines.extend(active.of_planes(planes).iter().flat_map(chunks));
             } else if side.axis == D - 1 {
                 let reached = |span: &&Span| span.lo < side.middle && side.middle + 1 < span.hi;
                 let middle = |span: &Span| span.row * layout.row_length + side.middle;
                 let spans = active.all().iter().filter(reached);
-                side.lines.extend(spans.map(middle));
+                lines.extend(spans.map(middle));
             } else {
                 for plane in 0..layout.extent {
                     let row = plane * layout.rows_per_plane() + side.middle;
                     let spans = active.of_planes(plane..plane + 1);
                     let first = spans.partition_point(|span| span.row < row);
                     let of_row = spans[first..].iter().take_while(|span| span.row == row);
-                    side.lines.extend(of_row.flat_map(chunks));
+                    lines.extend(of_row.flat_map(chunks));
                 }
             }
             side.shared_lines.clear();
             if fields.meet() {
-                let shared = side
-                    .lines
-                    .iter()
-                    .filter(|line| fields.is_shared(**line / CHUNK));
+                let shared = lines.iter();
+                let shared = shared.filter(|line| fields.is_shared(**line / CHUNK));
                 side.shared_lines.extend(shared);
             }
+            side.lines[1].clear();
+            let elastic = lines.extract_if(.., |line| fields.only_elastic(*line / CHUNK));
+            side.lines[1].extend(elastic);
+            side.lines[0] = lines;
         }
     }
 
@@ -168,23 +197,30 @@ impl WallContact {
     }
 
     /// Applies contact with all walls to the grid velocities of a window of planes, which contains with the planes of a
-    /// wall also those before and behind it. `shared` is whether to change the lines that carry several fields, or all.
+    /// wall also those before and behind it.
     pub fn apply<const D: usize>(
         &self,
         window: &mut Window<'_, D>,
         friction: &MaterialFriction,
-        shared: bool,
+        lines: Lines<'_>,
     ) {
-        for across_first in [false, true] {
+        for across_first in lines.across_first {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
-            for side in sides.filter(|side| (side.axis == 0) == across_first) {
-                let lines = if shared {
-                    &side.shared_lines
-                } else {
-                    &side.lines
+            for side in sides.filter(|side| (side.axis == 0) == *across_first) {
+                let mut resolve = |lines: &[usize], elastic: bool| {
+                    let touching = side.touching[usize::from(elastic)];
+                    let lines = lines_in(window, lines);
+                    if !lines.is_empty() {
+                        Self::resolve(window, side, touching, lines, friction);
+                    }
                 };
-                Self::resolve(window, side, lines_in(window, lines), friction);
+                if let Some(elastic) = lines.own {
+                    resolve(&side.shared_lines, elastic);
+                } else {
+                    resolve(&side.lines[0], false);
+                    resolve(&side.lines[1], true);
+                }
             }
         }
     }
@@ -193,6 +229,7 @@ impl WallContact {
     fn resolve<const D: usize>(
         window: &mut Window<'_, D>,
         side: &Side,
+        touching: f32,
         lines: &[usize],
         friction: &MaterialFriction,
     ) {
@@ -203,6 +240,7 @@ impl WallContact {
         run_wide(ResolveLines {
             window,
             side,
+            touching,
             lines,
             kind: side.contact.kind,
             friction,
@@ -220,6 +258,8 @@ fn lines_in<'l, const D: usize>(window: &Window<'_, D>, lines: &'l [usize]) -> &
 struct ResolveLines<'a, 'w, const D: usize> {
     window: &'a mut Window<'w, D>,
     side: &'a Side,
+    /// See `touching`.
+    touching: f32,
     /// See `Side`.
     lines: &'a [usize],
     kind: ContactKind,
@@ -309,13 +349,13 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 }
             }
         }
-        lines.leave_out_what_does_not_touch(self.side, found * SIDE_BY_SIDE);
+        lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE);
         let mut mu = [0.0; LANES];
         if N > 1 {
             for lane in 0..found * SIDE_BY_SIDE {
                 let node = starts[lane / SIDE_BY_SIDE] + lane % SIDE_BY_SIDE;
                 let mass = lines.mass[1][lane].max(SMALLEST_MASS);
-                mu[lane] = self.friction.at(self.window, node, mass);
+                mu[lane] = self.friction.at(self.window.friction_mass, node, mass);
             }
         }
         lines.apply(self.kind, self.side, &mu);
@@ -347,10 +387,10 @@ struct LineNodes<const N: usize> {
 impl<const N: usize> LineNodes<N> {
     /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
     #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, side: &Side, count: usize) {
+    fn leave_out_what_does_not_touch(&mut self, touching: f32, count: usize) {
         let [_, middle, inner] = self.mass;
         for i in 0..LANES {
-            let touches = middle[i] > SMALLEST_MASS && middle[i] >= side.touching * inner[i];
+            let touches = middle[i] > SMALLEST_MASS && middle[i] >= touching * inner[i];
             for mass in &mut self.mass {
                 mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
             }

@@ -1,6 +1,6 @@
 //! How full of material the grid can be near the walls.
 
-use super::walls::Walls;
+use super::contact::Walls;
 use crate::grid::{Layout, PADDING, Stencils};
 use crate::linalg::{LANES, Lanes};
 

@@ -65,6 +65,8 @@ pub struct FieldSums {
 pub struct Fields<const D: usize> {
     layout: Layout<D>,
     sums: FieldSums,
+    /// Whether the first field is that of what flows; the others are elastic bodies.
+    flows: bool,
     /// By chunk; empty where the scene has a single field.
     holders: Vec<Holder>,
     /// By chunk: whether a stencil that starts there may touch a slot.
@@ -84,8 +86,8 @@ pub struct Fields<const D: usize> {
 }
 
 impl<const D: usize> Fields<D> {
-    /// For a grid on which so many fields may meet.
-    pub fn new(layout: Layout<D>, count: usize, sums: FieldSums) -> Self {
+    /// For a grid on which so many fields may meet, the first of which is what flows or else an elastic body.
+    pub fn new(layout: Layout<D>, count: usize, flows: bool, sums: FieldSums) -> Self {
         let chunks = if count < 2 {
             0
         } else {
@@ -94,6 +96,7 @@ impl<const D: usize> Fields<D> {
         Self {
             layout,
             sums,
+            flows,
             holders: vec![Holder::NOBODY; chunks],
             near: vec![false; chunks],
             held: Vec::new(),
@@ -121,6 +124,20 @@ impl<const D: usize> Fields<D> {
         self.holders
             .get(chunk)
             .is_some_and(|holder| holder.is_shared())
+    }
+
+    /// Whether nothing that flows reaches a chunk.
+    pub fn only_elastic(&self, chunk: usize) -> bool {
+        self.map().only_elastic(chunk)
+    }
+
+    fn map(&self) -> FieldMap<'_> {
+        FieldMap {
+            flows: self.flows,
+            holders: &self.holders,
+            near: &self.near,
+            slots: &self.slots,
+        }
     }
 
     /// Forgets all slots.
@@ -244,6 +261,7 @@ impl<const D: usize> Fields<D> {
     pub(super) fn shared(&mut self) -> SharedFields<'_> {
         SharedFields {
             map: FieldMap {
+                flows: self.flows,
                 holders: &self.holders,
                 near: &self.near,
                 slots: &self.slots,
@@ -276,13 +294,81 @@ fn starts_near<const D: usize>(
 
 /// Where the slots are.
 #[derive(Clone, Copy)]
-struct FieldMap<'a> {
+pub struct FieldMap<'a> {
+    flows: bool,
     holders: &'a [Holder],
     near: &'a [bool],
     slots: &'a [Slot],
 }
 
-impl FieldMap<'_> {
+/// Where a node of one field is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NodePlace {
+    Grid,
+    /// Number of the node among those of slots.
+    Slot(usize),
+    /// The field does not reach it.
+    Nowhere,
+}
+
+impl<'a> FieldMap<'a> {
+    /// Whether a field is that of an elastic body.
+    pub fn is_elastic(&self, field: u16) -> bool {
+        !self.flows || field > 0
+    }
+
+    /// Whether nothing that flows reaches a chunk.
+    pub fn only_elastic(&self, chunk: usize) -> bool {
+        let elastic = |holder: &Holder| holder.alone().is_some_and(|field| field > 0);
+        !self.flows || self.holders.get(chunk).is_some_and(elastic)
+    }
+
+    /// Whether a chunk has slots.
+    pub fn is_shared(&self, chunk: usize) -> bool {
+        self.holders[chunk].is_shared()
+    }
+
+    /// Whether the nodes of some chunks belong to one field alone, or to nobody.
+    pub fn is_one(&self, chunks: [usize; 3]) -> bool {
+        let holders = chunks.map(|chunk| self.holders[chunk]);
+        let first = holders.iter().find(|holder| **holder != Holder::NOBODY);
+        let same = |holder: &Holder| *holder == Holder::NOBODY || Some(holder) == first;
+        holders.iter().all(same) && !first.is_some_and(|holder| holder.is_shared())
+    }
+
+    /// The fields that reach a chunk. Where nobody is known, something may lie that flows.
+    pub fn fields_of(&self, chunk: usize) -> impl Iterator<Item = u16> + use<'a> {
+        let holder = self.holders[chunk];
+        let first = holder.first_slot().unwrap_or(self.slots.len());
+        let mine = self.slots[first..].iter();
+        let mine = mine.take_while(move |slot| slot.chunk as usize == chunk);
+        let alone = if holder == Holder::NOBODY {
+            Some(0)
+        } else {
+            holder.alone()
+        };
+        alone.into_iter().chain(mine.map(|slot| slot.field))
+    }
+
+    /// Where a field has its node that stands for one of the grid.
+    pub fn place(&self, index: usize, field: u16) -> NodePlace {
+        let chunk = index / CHUNK;
+        let holder = self.holders[chunk];
+        if let Some(first) = holder.first_slot() {
+            let mine = self.slots[first..].iter();
+            let mut mine = mine.take_while(|slot| slot.chunk as usize == chunk);
+            let number = mine.position(|slot| slot.field == field);
+            return number.map_or(NodePlace::Nowhere, |number| {
+                NodePlace::Slot((first + number) * CHUNK + index % CHUNK)
+            });
+        }
+        if holder == Holder::NOBODY || holder.alone() == Some(field) {
+            NodePlace::Grid
+        } else {
+            NodePlace::Nowhere
+        }
+    }
+
     /// Whether a stencil that starts at this node may touch a slot.
     #[inline(always)]
     fn near(&self, start: usize) -> bool {
@@ -338,6 +424,10 @@ pub struct SharedFields<'a> {
 unsafe impl Sync for SharedFields<'_> {}
 
 impl SharedFields<'_> {
+    pub fn map(&self) -> FieldMap<'_> {
+        self.map
+    }
+
     /// The slots of some planes.
     ///
     /// # Safety
@@ -409,7 +499,7 @@ pub struct FieldWindow<'a> {
     map: FieldMap<'a>,
     starts: &'a [usize],
     /// Number of the first node.
-    first: usize,
+    pub first: usize,
     pub slots: &'a [Slot],
     pub nodes: &'a mut [f32x4],
     /// Gradients of the nodes' masses [kg/cell].
@@ -420,7 +510,11 @@ pub struct FieldWindow<'a> {
     pub volume: &'a mut [f32],
 }
 
-impl FieldWindow<'_> {
+impl<'a> FieldWindow<'a> {
+    pub fn map(&self) -> FieldMap<'a> {
+        self.map
+    }
+
     /// Whether a stencil that starts at this node of the grid may touch a slot.
     #[inline(always)]
     pub fn near(&self, start: usize) -> bool {

@@ -52,7 +52,7 @@ impl<const D: usize> Grid<D> {
             },
             dirty: vec![false; count / CHUNK],
             active: ActiveSpans::none(&layout),
-            fields: Fields::new(layout, 1, sums),
+            fields: Fields::new(layout, 1, true, sums),
             reach: Reach::new(&layout),
             bands: Vec::new(),
         }

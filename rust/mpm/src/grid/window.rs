@@ -33,6 +33,11 @@ impl<'a, const D: usize> Window<'a, D> {
         self.active.of_planes(self.planes.clone())
     }
 
+    /// Those of some planes.
+    pub fn active_in(&self, planes: Range<usize>) -> &'a [Span] {
+        self.active.of_planes(planes)
+    }
+
     /// The active chunks of some of the planes, counted from the first node.
     pub fn chunks(&self, planes: Range<usize>) -> impl Iterator<Item = usize> + use<'a, D> {
         let (row_length, first) = (self.layout.row_length, self.first);

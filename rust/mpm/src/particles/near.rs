@@ -40,7 +40,8 @@ impl Zone {
     }
 }
 
-/// The groups that are near to others, with their zones. `bounds` returns the lowest and the highest place of a group.
+/// The groups that are near to others, with their zones; besides what flows, all elastic ones. `bounds` returns the lowest
+/// and the highest place of a group.
 ///
 /// Elastic bodies count as a whole, what flows as far as it is near to some elastic one.
 pub fn near_ones<const D: usize>(
@@ -78,7 +79,8 @@ pub fn near_ones<const D: usize>(
             }
         }
     }
-    members.retain(|member| member.near);
+    let flows = groups.iter().any(|group| !group.is_elastic());
+    members.retain(|member| member.near || member.elastic && flows);
     members.sort_by_key(|member| member.group);
     let union = |a: [Place; 2], b: [Place; 2]| [a[0].lowest(b[0]), a[1].highest(b[1])];
     let elastic = members.iter().filter(|member| member.elastic);

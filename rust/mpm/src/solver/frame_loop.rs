@@ -70,7 +70,8 @@ impl<const D: usize> Solver<D> {
             friction: !uniform,
             volume: meeting.mixes_densities(),
         };
-        grid.fields = Fields::new(grid.layout, meeting.fields(), sums);
+        let flows = groups.iter().any(|group| !group.is_elastic());
+        grid.fields = Fields::new(grid.layout, meeting.fields(), flows, sums);
         let volume = groups
             .iter()
             .any(|group| with_group!(group, group => group.corrects_volume()))

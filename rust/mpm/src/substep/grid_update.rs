@@ -1,10 +1,12 @@
 //! Grid momentum to velocity, with gravity, contact between bodies, obstacles and walls (Hu et al. 2018, eq. 21).
 
+use std::ops::Range;
+
 use wide::f32x4;
 
 use super::meeting::Meeting;
-use crate::boundary::{MaterialFriction, Obstacles, WallContact};
-use crate::grid::{CHUNK, FieldWindow, SMALLEST_MASS, Span, Window};
+use crate::boundary::{Lines, MaterialFriction, Obstacles, WallContact};
+use crate::grid::{CHUNK, FieldMap, FieldWindow, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
 
 /// Everything that acts on grid velocities.
@@ -17,102 +19,91 @@ pub struct GridForces<'a, const D: usize> {
 }
 
 /// Turns the momentum of a window of planes into the velocity at the end of a substep of `dt` [s], independently of other
-/// planes. Returns the work of moving obstacles there [J].
+/// planes. Returns the work of moving obstacles there [J]. Lines across surfaces along the first axis are left to `across`
+/// where obstacles have some.
 pub fn grid_update<const D: usize>(
     window: &mut Window<'_, D>,
-    fields: Option<&mut FieldWindow<'_>>,
+    mut fields: Option<FieldWindow<'_>>,
+    kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     dt: f32,
 ) -> f64 {
     let gain = lanes(&(forces.gravity * dt), 0.0);
     run_wide(Accelerate { window, gain });
-    let mut work = act(window, window.active(), forces, false);
-    if let Some(fields) = fields {
+    let friction = &forces.material_friction;
+    if let Some(fields) = &mut fields {
         run_wide(AccelerateSlots {
             nodes: fields.nodes,
             gain,
         });
-        forces
-            .meeting
-            .resolve::<D>(fields, &forces.material_friction);
-        if forces.obstacles.any() || forces.walls.has_shared_lines(window) {
-            work += act_on_slots(window, fields, forces);
-        }
+        forces.meeting.resolve::<D>(fields, friction);
     }
+    let work = (forces.obstacles).apply(window, &mut fields, kinds, friction);
+    let axes: &[bool] = if forces.obstacles.act_across() {
+        &[false]
+    } else {
+        &[false, true]
+    };
+    act_by_walls(window, fields, kinds, forces, axes);
     work
 }
 
-/// Contact with obstacles on some spans of nodes, and with walls.
-fn act<const D: usize>(
+/// Contact on lines along the first axis: with obstacles on lines that begin in some planes of the window.
+pub fn act_across<const D: usize>(
     window: &mut Window<'_, D>,
-    spans: &[Span],
+    mut fields: Option<FieldWindow<'_>>,
+    kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
-    shared: bool,
+    planes: Range<usize>,
 ) -> f64 {
     let friction = &forces.material_friction;
-    let work = forces.obstacles.apply(window, spans, friction);
-    forces.walls.apply(window, friction, shared);
-    work
+    (forces.obstacles).apply_across(window, &mut fields, kinds, friction, planes)
 }
 
-/// The same for slots, field by field: each takes its place on the grid for a while, which is empty there.
-fn act_on_slots<const D: usize>(
+/// Contact with walls, with those across the first axis, the others, or one after the other.
+pub fn act_by_walls<const D: usize>(
     window: &mut Window<'_, D>,
-    fields: &mut FieldWindow<'_>,
+    fields: Option<FieldWindow<'_>>,
+    kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
-) -> f64 {
+    across_first: &[bool],
+) {
+    let friction = &forces.material_friction;
+    let lines = Lines {
+        own: None,
+        across_first,
+    };
+    forces.walls.apply(window, friction, lines);
+    let Some(mut fields) = fields else { return };
+    if !forces.walls.has_shared_lines(window) {
+        return;
+    }
+    // Field by field, each takes its place on the grid for a while, which is empty there.
     let mut order: Vec<usize> = (0..fields.slots.len()).collect();
     order.sort_by_key(|&slot| fields.slots[slot].field);
-    let mut spans = Vec::new();
-    let mut work = 0.0;
     let same_field = |a: &usize, b: &usize| fields.slots[*a].field == fields.slots[*b].field;
     for slots in order.chunk_by(same_field) {
-        let row_length = window.layout.row_length;
-        spans.clear();
-        spans.extend(slots.iter().map(|&slot| {
-            let node = fields.slots[slot].chunk as usize * CHUNK;
-            let (row, lo) = (node / row_length, node % row_length);
-            let hi = lo + CHUNK;
-            Span { row, lo, hi }
-        }));
-        for &slot in slots {
-            swap(
-                window,
-                fields.slots[slot].chunk,
-                fields.nodes,
-                fields.friction_mass,
-                slot,
-            );
-            window.dirty[fields.slots[slot].chunk as usize - window.first / CHUNK] = true;
-        }
-        work += act(window, &spans, forces, true);
-        for &slot in slots {
-            swap(
-                window,
-                fields.slots[slot].chunk,
-                fields.nodes,
-                fields.friction_mass,
-                slot,
-            );
-            window.dirty[fields.slots[slot].chunk as usize - window.first / CHUNK] = false;
+        let own = Some(kinds.is_elastic(fields.slots[slots[0]].field));
+        for there in [true, false] {
+            for &slot in slots {
+                swap(window, &mut fields, slot);
+                window.dirty[fields.slots[slot].chunk as usize - window.first / CHUNK] = there;
+            }
+            if there {
+                let lines = Lines { own, ..lines };
+                forces.walls.apply(window, friction, lines);
+            }
         }
     }
-    work
 }
 
 /// Exchanges the nodes of a slot with those of the grid.
-fn swap<const D: usize>(
-    window: &mut Window<'_, D>,
-    chunk: u32,
-    nodes: &mut [f32x4],
-    friction_mass: &mut [f32],
-    slot: usize,
-) {
-    let at = chunk as usize * CHUNK - window.first;
+fn swap<const D: usize>(window: &mut Window<'_, D>, fields: &mut FieldWindow<'_>, slot: usize) {
+    let at = fields.slots[slot].chunk as usize * CHUNK - window.first;
     let (on_grid, mine) = (at..at + CHUNK, slot * CHUNK..(slot + 1) * CHUNK);
-    window.nodes[on_grid.clone()].swap_with_slice(&mut nodes[mine.clone()]);
-    if !friction_mass.is_empty() {
-        window.friction_mass[on_grid].swap_with_slice(&mut friction_mass[mine]);
+    window.nodes[on_grid.clone()].swap_with_slice(&mut fields.nodes[mine.clone()]);
+    if !fields.friction_mass.is_empty() {
+        window.friction_mass[on_grid].swap_with_slice(&mut fields.friction_mass[mine]);
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::g2p::{Nodes, Outcome, OwnView, g2p};
-use super::grid_update::{GridForces, grid_update};
+use super::grid_update::{GridForces, act_across, act_by_walls, grid_update};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
 use crate::boundary::Bounds;
@@ -22,17 +22,25 @@ pub enum Stage {
     /// Finds the directions of contact between bodies. Without this stage all bodies share one field.
     Slopes,
     GridUpdate,
+    /// Contact on lines of nodes along the first axis, which cross planes. Without obstacles it is part of the one before.
+    Across,
     G2p,
 }
 
 impl Stage {
-    pub const ALL: [Self; 4] = [Self::P2g, Self::Slopes, Self::GridUpdate, Self::G2p];
+    pub const ALL: [Self; 5] = [
+        Self::P2g,
+        Self::Slopes,
+        Self::GridUpdate,
+        Self::Across,
+        Self::G2p,
+    ];
 
     /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are
     /// few: threads wait less for the last.
     fn steps(self, slabs: usize) -> &'static [Step] {
         match self {
-            Self::P2g => &COLOURS,
+            Self::P2g | Self::Across => &COLOURS,
             Self::G2p if slabs < FEW_SLABS => &[Step::ALL; 2],
             Self::Slopes | Self::GridUpdate | Self::G2p => &[Step::ALL],
         }
@@ -91,9 +99,12 @@ impl<const D: usize> Substep<'_, D> {
     ) -> Outcome {
         let bands = bands(slabs, grid.layout.extent);
         let meet = grid.fields.meet() && stages.contains(&Stage::Slopes);
-        let stages = stages
-            .iter()
-            .filter(|&&stage| meet || stage != Stage::Slopes);
+        let across = self.forces.obstacles.act_across();
+        let stages = stages.iter().filter(|stage| match stage {
+            Stage::Slopes => meet,
+            Stage::Across => across,
+            _ => true,
+        });
         let grid = grid.shared();
         let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
@@ -139,10 +150,33 @@ impl<const D: usize> Substep<'_, D> {
                     // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
                     // SAFETY: as above.
-                    let mut fields =
-                        meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
-                    let work = grid_update(window, fields.as_mut(), &self.forces, self.step.dt);
+                    let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
+                    let kinds = grid.fields.map();
+                    let work = grid_update(window, fields, kinds, &self.forces, self.step.dt);
                     unlocked(&outcomes[slab]).obstacle_work += work;
+                }
+                (Stage::Across, ..) => {
+                    let kinds = grid.fields.map();
+                    let band = bands[slab].clone();
+                    // Lines that begin one plane later: their nodes are within reach.
+                    let last = slab + 1 == slabs.len();
+                    let planes = if slab == 0 { 0 } else { band.start + 1 }..if last {
+                        band.end
+                    } else {
+                        band.end + 1
+                    };
+                    let reach = reach.start..reach.end.max(band.end);
+                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
+                    let window = &mut unsafe { grid.window(reach.clone()) };
+                    // SAFETY: as above.
+                    let fields = meet.then(|| unsafe { grid.fields.window(reach) });
+                    let work = act_across(window, fields, kinds, &self.forces, planes);
+                    unlocked(&outcomes[slab]).obstacle_work += work;
+                    // SAFETY: as above, and the windows before are no longer in use.
+                    let window = &mut unsafe { grid.window(band.clone()) };
+                    // SAFETY: as above.
+                    let fields = meet.then(|| unsafe { grid.fields.window(band) });
+                    act_by_walls(window, fields, kinds, &self.forces, &[true]);
                 }
                 (Stage::G2p, part, parts) => {
                     // SAFETY: all slabs in reach only read in this stage.

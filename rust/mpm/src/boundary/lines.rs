@@ -1,0 +1,304 @@
+//! Contact with obstacles at their true surface, as with walls: on each line of nodes that crosses it.
+//!
+//! Only lines along the axis that is nearest to the normal act, so each part of a surface acts once. See `wall_contact` for
+//! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
+//! cell, and would let material at rest sink.
+
+use super::motion::Pose;
+use super::node::MaterialFriction;
+use super::obstacle::Obstacle;
+use super::wall_contact::touching;
+use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
+use crate::linalg::Vector;
+
+/// Distance from a surface within which a node begins lines across it [cells].
+pub const LINE_CELLS: f32 = 1.01;
+/// A line this near to the sharp edge of a face is left out [cells]: it would hold what flows round the edge.
+const INSET: f32 = 0.5;
+/// How far from a surface its two sides are looked at [cells].
+const BESIDE: f32 = 0.25;
+/// Distance that counts as none [cells].
+const ON_SURFACE: f32 = 1.0e-3;
+/// Most steps towards a surface; each leaves a fraction of the distance that was left.
+const MOST_STEPS: usize = 12;
+
+/// A line of three nodes across a surface.
+#[derive(Debug, Clone, Copy)]
+pub struct Line<const D: usize> {
+    /// Memory index of the node outside that it begins at.
+    pub node: usize,
+    /// Memory index of the middle node.
+    pub middle: usize,
+    /// From it to the inner node, which lies farther out of the solid.
+    step: isize,
+    /// Weights of the outer, middle and inner node at the surface.
+    weights: [f32; 3],
+    /// Mass of the middle node over that of the inner one where material begins to touch: what flows, and what is elastic.
+    touching: [f32; 2],
+    pub obstacle: u32,
+    normal: Vector<D>,
+    /// Where the line crosses the surface [m].
+    x: Vector<D>,
+}
+
+/// Solids as they are now.
+#[derive(Clone, Copy)]
+pub struct Solids<'a, const D: usize> {
+    pub list: &'a [Obstacle<D>],
+    /// Empty where all are at rest.
+    pub poses: &'a [Option<Pose<D>>],
+    pub layout: &'a Layout<D>,
+}
+
+impl<'a, const D: usize> Solids<'a, D> {
+    pub fn pose(&self, index: usize) -> Option<&'a Pose<D>> {
+        self.poses.get(index)?.as_ref()
+    }
+
+    fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
+        self.list[index].distance_in(self.pose(index), x)
+    }
+
+    /// Finds the line along an axis from a node outside of an obstacle, whose distance and normal are given, up or down.
+    pub fn line(
+        &self,
+        index: usize,
+        node: ([usize; D], usize),
+        (distance, normal): (f32, Vector<D>),
+        axis: usize,
+        inward: f32,
+    ) -> Option<Line<D>> {
+        let dx = self.layout.dx();
+        let (node, memory) = node;
+        let start = self.layout.position(node);
+        let place = |t: f32| {
+            let mut place = start;
+            place[axis] += inward * t * dx;
+            place
+        };
+        // Solids are convex: no step passes the surface.
+        let (mut t, mut left, mut normal) = (0.0, distance / dx, normal);
+        for _ in 0..MOST_STEPS {
+            if left <= ON_SURFACE {
+                break;
+            }
+            let approach = -normal[axis] * inward;
+            t += left / approach;
+            if !(approach > 0.0 && t <= LINE_CELLS) {
+                return None;
+            }
+            let (distance, at) = self.distance(index, &place(t));
+            left = distance / dx;
+            // Inside of an edge the nearest face may be another one.
+            if left >= 0.0 {
+                normal = at;
+            }
+        }
+        // On the next node, up to rounding, where that does not begin the line itself.
+        if t > 2.0 - LINE_CELLS && self.distance(index, &place(1.0)).0 > 0.0 {
+            return None;
+        }
+        let t = t.min(1.0);
+        let steepest = (0..D).max_by(|a, b| {
+            let size = |axis: usize| normal[axis].abs() * (1.0 + 1.0e-3 * axis as f32);
+            size(*a).total_cmp(&size(*b))
+        });
+        if left > ON_SURFACE || steepest != Some(axis) {
+            return None;
+        }
+        let (depth, deep) = self.distance(index, &place(t + INSET));
+        let beside = (0..D).any(|other| other != axis && deep[other].abs() > deep[axis].abs());
+        let x = place(t);
+        if depth < 0.0 && beside
+            || self.is_hidden(index, &normal, &place(t - BESIDE), &place(t + BESIDE))
+        {
+            return None;
+        }
+        let xi = node[axis] as f32 + inward * t;
+        let base = (xi - 0.5).floor();
+        if base < 0.0 || base as usize + 3 > self.layout.extent {
+            return None;
+        }
+        let mut weights = spline(xi - base);
+        if inward > 0.0 {
+            weights.reverse();
+        }
+        let stride = self.layout.stride(axis) as isize;
+        let steps = base as isize + 1 - node[axis] as isize;
+        let face = f64::from((base + 1.0 - xi) * inward);
+        Some(Line {
+            node: memory,
+            middle: memory.wrapping_add_signed(steps * stride),
+            step: if inward > 0.0 { -stride } else { stride },
+            weights,
+            touching: touching(
+                face,
+                f64::from(normal[axis].abs()),
+                self.list[index].contact.kind,
+            ),
+            obstacle: index as u32,
+            normal,
+            x,
+        })
+    }
+
+    /// Whether another solid hides the surface of one at a point, given with those a little outside and inside.
+    ///
+    /// In the corner where one stands on another, both act on the nodes below.
+    fn is_hidden(
+        &self,
+        index: usize,
+        normal: &Vector<D>,
+        outside: &Vector<D>,
+        inside: &Vector<D>,
+    ) -> bool {
+        let dx = self.layout.dx();
+        (0..self.list.len())
+            .filter(|other| *other != index)
+            .any(|other| {
+                let (distance, upward) = self.distance(other, outside);
+                let faces = || upward.dot(normal) < -0.5;
+                let rises = || {
+                    let above = inside + upward * (BESIDE * dx - distance);
+                    self.distance(index, &above).0 < 0.0
+                };
+                distance < 0.0 && (distance < -2.0 * dx || faces() || !rises())
+            })
+    }
+}
+
+impl<const D: usize> Line<D> {
+    /// Memory indices of the outer, middle and inner node.
+    pub fn nodes(&self) -> [usize; 3] {
+        [-self.step, 0, self.step].map(|step| self.middle.wrapping_add_signed(step))
+    }
+
+    /// Lets the obstacle act on velocities and masses of the nodes, and returns the work that it does [J]; None where
+    /// nothing touches it. `friction` returns that of the material from the mass of the middle node.
+    pub fn act(
+        &self,
+        nodes: &mut [[f32; 4]; 3],
+        is_elastic: bool,
+        solids: &Solids<'_, D>,
+        friction: impl Fn(f32) -> f32,
+    ) -> Option<f64> {
+        let mass = nodes.map(|node| node[3]);
+        let touching = self.touching[usize::from(is_elastic)];
+        if mass[1] <= SMALLEST_MASS || mass[1] < touching * mass[2] {
+            return None;
+        }
+        let (mut mobility, mut total, mut missing) = ([0.0; 3], 0.0, 0.0);
+        let mut u = Vector::<D>::zeros();
+        for k in 0..3 {
+            let weight = self.weights[k];
+            if mass[k] > SMALLEST_MASS {
+                mobility[k] = weight / mass[k];
+                total += mobility[k] * weight;
+                u += Vector::from_fn(|axis, _| nodes[k][axis] * weight);
+            } else {
+                missing += weight;
+            }
+        }
+        let pose = solids.pose(self.obstacle as usize);
+        let surface = pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
+        // Where a node is empty, the surface moves as it does.
+        u += surface * missing;
+        let contact = solids.list[self.obstacle as usize].contact;
+        let relative = u - surface;
+        let after = contact.resolve(&relative, &self.normal, friction(mass[1]));
+        let change = (after - relative) / total;
+        let mut impulse = Vector::<D>::zeros();
+        for k in 0..3 {
+            for axis in 0..D {
+                let gain = change[axis] * mobility[k];
+                nodes[k][axis] += gain;
+                impulse[axis] += gain * mass[k];
+            }
+        }
+        Some(f64::from(impulse.dot(&surface)))
+    }
+}
+
+/// Nodes on which lines act: those of the grid, and of bodies that meet.
+pub struct LineWindow<'a, 'w, 'f, const D: usize> {
+    pub window: &'a mut Window<'w, D>,
+    pub fields: &'a mut Option<FieldWindow<'f>>,
+    pub kinds: FieldMap<'a>,
+    pub friction: &'a MaterialFriction,
+}
+
+impl<const D: usize> LineWindow<'_, '_, '_, D> {
+    /// Lets an obstacle act on a line, on each body that it crosses. Returns the work that it does [J].
+    pub fn act(&mut self, line: &Line<D>, solids: &Solids<'_, D>) -> f64 {
+        let nodes = line.nodes();
+        let chunks = nodes.map(|node| node / CHUNK);
+        let Some(fields) = self.fields else {
+            return self.act_on_grid(line, solids);
+        };
+        let map = fields.map();
+        if map.is_one(chunks) {
+            return self.act_on_grid(line, solids);
+        }
+        let mut work = 0.0;
+        for (k, chunk) in chunks.into_iter().enumerate() {
+            for field in map.fields_of(chunk) {
+                let met = |chunk: &usize| map.fields_of(*chunk).any(|other| other == field);
+                if !chunks[..k].iter().any(met) {
+                    let places = nodes.map(|node| map.place(node, field));
+                    let elastic = map.is_elastic(field);
+                    work += self.act_on(line, solids, places, elastic);
+                }
+            }
+        }
+        work
+    }
+
+    fn act_on_grid(&mut self, line: &Line<D>, solids: &Solids<'_, D>) -> f64 {
+        if self.window.nodes[line.middle - self.window.first].as_array()[3] <= SMALLEST_MASS {
+            return 0.0;
+        }
+        let elastic = self.kinds.only_elastic(line.middle / CHUNK);
+        self.act_on(line, solids, [NodePlace::Grid; 3], elastic)
+    }
+
+    #[inline(always)]
+    fn act_on(
+        &mut self,
+        line: &Line<D>,
+        solids: &Solids<'_, D>,
+        places: [NodePlace; 3],
+        elastic: bool,
+    ) -> f64 {
+        let Self {
+            window,
+            fields,
+            friction,
+            ..
+        } = self;
+        let numbers = line.nodes().map(|node| node.wrapping_sub(window.first));
+        let mut nodes: [[f32; 4]; 3] = std::array::from_fn(|k| match (places[k], &*fields) {
+            (NodePlace::Grid, _) => window.nodes[numbers[k]].to_array(),
+            (NodePlace::Slot(node), Some(fields)) => fields.nodes[node - fields.first].to_array(),
+            _ => [0.0; 4],
+        });
+        let friction = |mass: f32| match (places[1], &*fields) {
+            (NodePlace::Slot(node), Some(fields)) => {
+                friction.at(fields.friction_mass, node - fields.first, mass)
+            }
+            _ => friction.at(window.friction_mass, numbers[1], mass),
+        };
+        let Some(work) = line.act(&mut nodes, elastic, solids, friction) else {
+            return 0.0;
+        };
+        for k in 0..3 {
+            match (places[k], &mut *fields) {
+                (NodePlace::Grid, _) => window.nodes[numbers[k]] = nodes[k].into(),
+                (NodePlace::Slot(node), Some(fields)) => {
+                    fields.nodes[node - fields.first] = nodes[k].into();
+                }
+                _ => {}
+            }
+        }
+        work
+    }
+}

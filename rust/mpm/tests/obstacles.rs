@@ -1,0 +1,207 @@
+//! Obstacles act where their surface is.
+
+mod common;
+
+use common::{
+    BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, settings, velocities, water,
+};
+use mpm::{
+    Contact, ContactKind, Force, Material, Motion, Obstacle, Shape, Solver, SolverSettings, Vector,
+    Walls,
+};
+
+fn obstacle<const D: usize>(shape: Shape<D>, friction: f32) -> Obstacle<D> {
+    let contact = Contact {
+        kind: ContactKind::Separating,
+        friction: Some(friction),
+    };
+    Obstacle::new(shape, contact).unwrap()
+}
+
+fn bits<const D: usize>(solver: &Solver<D>) -> Vec<u32> {
+    let numbers = [positions(solver), velocities(solver)].concat();
+    numbers.iter().map(|s| s.to_bits()).collect()
+}
+
+#[test]
+fn a_hydrostatic_tank_stays_at_rest_on_obstacles() {
+    // On a floor within the cell at several places, and between a box and a wall.
+    for place in [0.0, 0.3, 0.5, 0.8] {
+        let (floor, side, depth) = (0.2 + place / 64.0, 0.5 + place / 64.0, 0.1);
+        let mut bodies =
+            Bodies::default().block(64, [side, floor], [0.9, floor + depth], [0.0; 2], 0);
+        for (ratio, x) in bodies.volume_ratio.iter_mut().zip(bodies.x.chunks(2)) {
+            *ratio = 1.0 - 1000.0 * GRAVITY * (floor + depth - x[1]) / BULK_MODULUS;
+        }
+        let floor_and_box = vec![
+            obstacle(
+                Shape::HalfSpace {
+                    point: Vector::<2>::new(0.5, floor),
+                    normal: Vector::<2>::new(0.0, 1.0),
+                },
+                0.0,
+            ),
+            obstacle(
+                Shape::Box {
+                    lower: Vector::<2>::new(0.3, 0.1),
+                    upper: Vector::<2>::new(side, 0.6),
+                },
+                0.0,
+            ),
+        ];
+        let fastest = |between_walls: bool| {
+            let mut settings = settings::<2>(64, vec![water()]);
+            if between_walls {
+                settings.walls.lower = Vector::<2>::new(side, floor);
+            } else {
+                settings.obstacles.clone_from(&floor_and_box);
+            }
+            let mut solver = bodies.solver(settings);
+            let before = solver.diagnostics().centroid;
+            let mut fastest = 0.0f64;
+            solver
+                .advance(400, Force::None, |_, s| {
+                    fastest = fastest.max(s.diagnostics().max_speed);
+                })
+                .unwrap();
+            let after = solver.diagnostics().centroid;
+            for axis in 0..2 {
+                let moved = (after[axis] - before[axis]).abs();
+                assert!(moved < 5.0e-4, "moved by {moved} m at {place}");
+            }
+            fastest
+        };
+        let (walls, obstacles) = (fastest(true), fastest(false));
+        assert!(
+            obstacles < 1.1 * walls + 0.005,
+            "{obstacles} m/s for {walls} m/s between walls at {place}"
+        );
+    }
+}
+
+#[test]
+fn a_thin_shelf_lets_nothing_through() {
+    for (thickness, speed) in [(0.5, 20.0), (1.0, 20.0), (0.5, 3.0)] {
+        let top = 0.405;
+        let bodies = Bodies::default().block(64, [0.4, 0.5], [0.6, 0.6], [0.0, -speed], 0);
+        let mut settings = settings::<2>(64, vec![water()]);
+        settings.obstacles = vec![obstacle(
+            Shape::Box {
+                lower: Vector::<2>::new(0.05, top - thickness / 64.0),
+                upper: Vector::<2>::new(0.95, top),
+            },
+            0.0,
+        )];
+        let mut solver = bodies.solver(settings);
+        run(&mut solver, 60);
+        let below = positions(&solver)
+            .chunks(2)
+            .filter(|x| x[1] < top - 1.0e-4)
+            .count();
+        assert!(below == 0, "{below} below {thickness} cells at {speed} m/s");
+    }
+}
+
+/// Path of a disc that rolls down a slope of 20 degrees, over that of a rigid one.
+fn path(obstacle_floor: bool) -> f32 {
+    let (angle, radius, start) = (20.0f32.to_radians(), 0.06, 0.15);
+    let floor = 0.1043;
+    let bodies = Bodies::default().ball(128, [start, floor + radius], radius, [0.0, 0.0], 0);
+    let stiff = Material::elastic(1000.0, 2.0e6, 0.3, 1.0).unwrap();
+    let mut settings: SolverSettings<2> = settings(128, vec![stiff]);
+    settings.gravity = Vector::<2>::new(angle.sin(), -angle.cos()) * GRAVITY;
+    let (lower, upper) = (Vector::<2>::new(0.05, 0.05), Vector::<2>::new(0.95, 0.95));
+    let contact = settings.walls.contacts[0][0];
+    settings.walls = Walls::uniform(lower, upper, contact);
+    if obstacle_floor {
+        let shape = Shape::HalfSpace {
+            point: Vector::<2>::new(0.5, floor),
+            normal: Vector::<2>::new(0.0, 1.0),
+        };
+        settings.obstacles = vec![obstacle(shape, 1.0)];
+    } else {
+        settings.walls.lower[1] = floor;
+    }
+    let mut solver = bodies.solver(settings);
+    let before = solver.diagnostics().centroid[0];
+    run(&mut solver, 160);
+    let t = 160.0 * FRAME;
+    let rigid = GRAVITY * angle.sin() * t * t / 3.0;
+    (solver.diagnostics().centroid[0] - before) as f32 / rigid
+}
+
+#[test]
+fn a_disc_rolls_down_walls_and_obstacles() {
+    let (wall, half_space) = (path(false), path(true));
+    assert!((0.9..1.02).contains(&wall), "{wall}");
+    assert!((0.9..1.02).contains(&half_space), "{half_space}");
+}
+
+/// Water and a jelly between a post, a ball and a paddle that turns.
+fn stirred<const D: usize>(resolution: usize) -> (Bodies, SolverSettings<D>) {
+    let corner = |x: f32, y: f32, z: f32| {
+        let mut corner = [z; D];
+        (corner[0], corner[1]) = (x, y);
+        corner
+    };
+    let point = |x: f32, y: f32, z: f32| Vector::<D>::from_column_slice(&corner(x, y, z));
+    let bodies = Bodies::default()
+        .block(
+            resolution,
+            corner(0.1, 0.1, 0.3),
+            corner(0.45, 0.3, 0.7),
+            [0.0; D],
+            0,
+        )
+        .block(
+            resolution,
+            corner(0.5, 0.4, 0.4),
+            corner(0.7, 0.55, 0.6),
+            [-1.0; D],
+            1,
+        );
+    let mut settings = settings::<D>(resolution, vec![water(), elastic()]);
+    let center = point(0.3, 0.3, 0.5);
+    let turn: &[f32] = if D == 2 { &[4.0] } else { &[0.0, 0.0, 4.0] };
+    let motion = Motion::new(Vector::zeros(), turn, center, None).unwrap();
+    let paddle = Shape::Box {
+        lower: point(0.2, 0.28, 0.4),
+        upper: point(0.4, 0.32, 0.6),
+    };
+    let post = Shape::Box {
+        lower: point(0.463, 0.1, 0.0),
+        upper: point(0.481, 0.25, 1.0),
+    };
+    let ball = Shape::Ball {
+        center: point(0.6, 0.25, 0.5),
+        radius: 0.08,
+    };
+    settings.obstacles = vec![
+        obstacle(paddle, 0.2).moving(motion),
+        obstacle(post, 0.2),
+        obstacle(ball, 0.2),
+    ];
+    (bodies, settings)
+}
+
+fn check_threads<const D: usize>(resolution: usize, frames: usize) {
+    let (bodies, settings) = stirred::<D>(resolution);
+    let result = |threads| {
+        let settings = SolverSettings {
+            threads,
+            ..settings.clone()
+        };
+        let mut solver = bodies.solver(settings);
+        run(&mut solver, frames);
+        bits(&solver)
+    };
+    let once = result(1);
+    assert!(once == result(2), "two threads differ from one");
+    assert!(once == result(4), "four threads differ from one");
+}
+
+#[test]
+fn obstacles_give_the_same_bits_on_all_threads() {
+    check_threads::<2>(96, 40);
+    check_threads::<3>(32, 10);
+}
