@@ -163,10 +163,19 @@ async def _use(client: AsyncClient, session: AsyncSession, record: _Record, rng:
     with contextlib.suppress(SimulationError, WebSocketException, OSError):
         async with session.stream() as stream:
             await stream.play()
-            while session.id in record.known:
+            watching = asyncio.create_task(_watch(stream))
+            while session.id in record.known and not watching.done():
                 with contextlib.suppress(ServiceError):  # A sketch may replace another that is being planned.
                     await _act(client, session, stream, record, rng)
                 await asyncio.sleep(rng.uniform(0.0, 0.03))
+            watching.cancel()
+
+
+async def _watch(stream: AsyncStream) -> None:
+    """Read a stream to its end, which a client with unread frames would notice ten seconds late."""
+    with contextlib.suppress(SimulationError):
+        async for _ in stream:
+            pass
 
 
 async def _act(
