@@ -44,6 +44,24 @@ impl Elastic {
             f32::NAN
         }
     }
+
+    /// The stress for lambda < 0; apart, for it would slow the other down.
+    #[inline(never)]
+    fn auxetic_stress<const D: usize>(&self, states: &GradientBlock<D>) -> Symmetrics<D> {
+        let Lame { mu, lambda } = self.lame;
+        let mut stress = Symmetrics::ZERO;
+        for i in 0..LANES {
+            let f = Matrix::load(states, i);
+            let parts = svd(&f);
+            let rotation = parts.u * parts.v.transpose();
+            let barrier = 2.0 * self.barrier_modulus() * Self::collapse(determinant(&f));
+            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
+                + rotation * f.transpose() * (lambda * strain(&parts.sigma).sum())
+                + Matrix::from_diagonal_element(barrier);
+            stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
+        }
+        stress
+    }
 }
 
 impl<const D: usize> Constitutive<D> for Elastic {
@@ -56,6 +74,9 @@ impl<const D: usize> Constitutive<D> for Elastic {
     // The decomposition has branches, so particles go one by one; apart, that the transfer stays wide.
     #[inline(never)]
     fn kirchhoff_stress(&self, states: &GradientBlock<D>) -> Symmetrics<D> {
+        if self.lame.lambda < 0.0 {
+            return self.auxetic_stress(states);
+        }
         let Lame { mu, lambda } = self.lame;
         let mut stress = Symmetrics::ZERO;
         for i in 0..LANES {
@@ -63,14 +84,10 @@ impl<const D: usize> Constitutive<D> for Elastic {
             let parts = svd(&f);
             let rotation = parts.u * parts.v.transpose();
             let j = determinant(&f);
-            let mut tau = (f - rotation) * f.transpose() * (2.0 * mu);
-            let barrier = 2.0 * self.barrier_modulus() * Self::collapse(j);
-            if lambda < 0.0 {
-                tau += rotation * f.transpose() * (lambda * strain(&parts.sigma).sum())
-                    + Matrix::from_diagonal_element(barrier);
-            } else {
-                tau += Matrix::from_diagonal_element(lambda * j * (j - 1.0) + barrier);
-            }
+            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
+                + Matrix::from_diagonal_element(
+                    lambda * j * (j - 1.0) + 2.0 * self.barrier_modulus() * Self::collapse(j),
+                );
             stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
         }
         stress
