@@ -44,8 +44,8 @@ def example(**fields: Any) -> ConfigDict:
 _FINDING: JsonDict = {
     "severity": "warning",
     "field": "obstacles[0]",
-    "problem": "is 0.01 m thick, less than 2 cells of 0.00781 m, so fast material may pass through it",
-    "advice": "make it at least 0.0156 m thick, or raise the resolution",
+    "problem": "is 0.003 m thick, less than 0.5 cells of 0.00781 m, so fast material may pass through it",
+    "advice": "make it at least 0.00391 m thick, or raise the resolution",
 }
 
 

@@ -62,8 +62,8 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
     ("changed", "severity", "field", "words"),
     [
         (
-            {"obstacles": [{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}]},
-            "warning", "obstacles[0]", ["0.01 m thick", "0.0312 m"],
+            {"obstacles": [{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.103]}]},
+            "warning", "obstacles[0]", ["0.003 m thick", "0.00781 m"],
         ),
         (
             {"bodies": [BLOCK | {"upper": [0.4, 0.21]}]},
@@ -120,7 +120,7 @@ def test_each_finding_names_place_figures_and_remedy(
 
 def test_the_gravest_comes_first() -> None:
     stiff = BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}}
-    thin = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}
+    thin = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.103]}
     found = check(scene(stiff, obstacles=[thin]))
     assert [one.severity for one in found.findings] == ["warning", "note"]
 
@@ -206,10 +206,10 @@ def test_soft_material_is_warned_of() -> None:
 
 def test_the_command_prints_lines_or_json(tmp_path: Path) -> None:
     file = tmp_path / "scene.json"
-    file.write_text(scene(obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}]).to_json())
+    file.write_text(scene(obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.103]}]).to_json())
     result = CliRunner().invoke(cli, ["check", str(file)])
     assert result.exit_code == 0, result.output
-    assert "warning: obstacles[0]: is 0.01 m thick" in result.output
+    assert "warning: obstacles[0]: is 0.003 m thick" in result.output
     answer = json.loads(CliRunner().invoke(cli, ["check", str(file), "--json"]).stdout)
     assert answer["ok"] is True
     assert answer["findings"][0]["field"] == "obstacles[0]"

@@ -141,26 +141,26 @@ BODY = Box(material="water", lower=(0.2, 0.7), upper=(0.3, 0.8))
 @pytest.mark.parametrize(
     ("thin", "thickness"),
     [
-        (SegmentObstacle(start=(0.2, 0.3), end=(0.8, 0.3), thickness=0.03), "0.03"),
-        (BoxObstacle(lower=(0.2, 0.3), upper=(0.8, 0.32)), "0.02"),
-        (BallObstacle(center=(0.5, 0.3), radius=0.01), "0.02"),
+        (SegmentObstacle(start=(0.2, 0.3), end=(0.8, 0.3), thickness=0.007), "0.007"),
+        (BoxObstacle(lower=(0.2, 0.3), upper=(0.8, 0.305)), "0.005"),
+        (BallObstacle(center=(0.5, 0.3), radius=0.003), "0.006"),
     ],
 )
 def test_thin_obstacles_are_warned_of(thin: Any, thickness: str) -> None:
     scene = Scene(dim=2, resolution=64, bodies=(BODY,), obstacles=(thin,))
     message = (
-        rf"obstacles\[0\] \({thin.shape}\) is {thickness} m thick, less than 2 cells of 0.0156 m.*0.0312 m"
+        rf"obstacles\[0\] \({thin.shape}\) is {thickness} m thick, less than 0.5 cells of 0.0156 m.*0.00781 m"
     )
     with pytest.warns(ThinObstacleWarning, match=message) as caught:
         MpmSolver(scene)
     assert caught[0].filename == __file__
 
 
-def test_obstacles_of_two_cells_are_not_warned_of() -> None:
+def test_obstacles_of_half_a_cell_are_not_warned_of() -> None:
     solids = (
-        SegmentObstacle(start=(0.2, 0.3), end=(0.8, 0.3), thickness=2 / 64),
-        BoxObstacle(lower=(0.5, 0.5), upper=(0.5 + 2 / 64, 0.6)),
-        BallObstacle(center=(0.5, 0.3), radius=1 / 64),
+        SegmentObstacle(start=(0.2, 0.3), end=(0.8, 0.3), thickness=0.5 / 64),
+        BoxObstacle(lower=(0.5, 0.5), upper=(0.5 + 0.5 / 64, 0.6)),
+        BallObstacle(center=(0.5, 0.3), radius=0.25 / 64),
         HalfSpaceObstacle(point=(0.5, 0.15), normal=(0.1, 1.0)),
     )
     assert Scene(dim=2, resolution=64, bodies=(BODY,), obstacles=solids).thin_obstacles() == []

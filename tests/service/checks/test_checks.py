@@ -10,7 +10,7 @@ from hybridmpm.client import Client
 from hybridmpm_service.http.answers import MOST_FINDINGS
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
-THIN = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}
+THIN = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.103]}
 
 
 def scene(*bodies: dict[str, Any], **fields: Any) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def test_limits_of_the_server_are_findings_too(start: Any) -> None:
 @pytest.mark.filterwarnings("ignore::hybridmpm.ThinObstacleWarning")
 def test_a_session_carries_its_warnings_and_so_does_its_fork(service: Any) -> None:
     # Many findings would make status messages long.
-    many = [{**THIN, "lower": [0.5, 0.1 + 0.03 * k], "upper": [0.6, 0.11 + 0.03 * k]} for k in range(25)]
+    many = [{**THIN, "lower": [0.5, 0.1 + 0.03 * k], "upper": [0.6, 0.103 + 0.03 * k]} for k in range(25)]
     for obstacles, count in (([], 0), ([THIN], 1), (many, MOST_FINDINGS)):
         made = service.http.post("/v1/sessions", json={"scene": scene(obstacles=obstacles)}).json()
         fork = service.http.post(made["links"]["fork"]).json()
