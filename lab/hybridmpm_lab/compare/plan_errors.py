@@ -41,6 +41,7 @@ def calibration_of(rows: Sequence[Row], times: MachineTimes) -> Calibration:
         solver_version=SOLVER_VERSION,
         commit=rows[0]["commit"],
         errors=tuple(errors),
+        deviations=store.shipped().deviations,
         times=times,
     )
 

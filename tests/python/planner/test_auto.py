@@ -179,7 +179,7 @@ def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.Mo
 
     def prospects(_scene: Scene, **_: object) -> list[tuple[Estimate, Candidate]]:
         return [
-            (Estimate(name=name, error=error, error_se=None, ms_per_frame=ms), known[name])
+            (Estimate(name=name, error=error, error_se=None, error_bound=error, ms_per_frame=ms), known[name])
             for name, (error, ms) in expected.items()
         ]
 
