@@ -235,7 +235,7 @@ def _estimates(
 def _errors_of(
     name: str, matching: MatchingScenarios, known: Calibration, measure: str
 ) -> tuple[float, float | None, float] | None:
-    """Return mean, standard error and bound of a candidate's error, in the worst of the scenarios matching."""
+    """Return mean, standard error and bound of a candidate's error, the worst of the scenarios matching."""
     entries: Sequence[MethodErrors] = [
         one for one in known.errors if one.name == name and one.scenario in matching.names
     ]
