@@ -20,7 +20,7 @@ async def check_scene(body: CheckScene, sessions: Sessions) -> CheckBody:
     try:
         return CheckBody.of(await sessions.check(body.source(), body.choice()))
     except SceneError as error:
-        return CheckBody.refused(error)
+        return CheckBody.refused(error.with_traceback(None))
 
 
 @router.post("/v1/plans", tags=["plans"], responses=problems(400, 413, 415, 422, 503))

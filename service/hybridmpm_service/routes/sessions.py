@@ -2,7 +2,6 @@
 
 from fastapi import APIRouter, Request, Response
 
-from hybridmpm import Scene
 from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
@@ -20,6 +19,7 @@ from hybridmpm_service.http.replies import (
 from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
+from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.turns import Turns
 
@@ -43,7 +43,7 @@ async def create_session(
 async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> Session:
     sent = body.log
     if sent is not None:
-        scene = await sessions.turns.apart(Scene.parse, sent.scene)
+        scene = await sessions.turns.apart(scene_work.read, sent.scene)
         most = limits.max_replay_frames, limits.max_sketch_frames
         return await sessions.replay(await sessions.turns.run(lambda: sent.log(scene, *most)))
     return await sessions.create(body.source(), body.choice())

@@ -132,4 +132,8 @@ async def run_apart(
         writer.close()
     if succeeded:
         return result  # type: ignore[no-any-return]
-    raise result
+    try:
+        raise result
+    finally:
+        # Its traceback refers to this frame, whose arguments may be large.
+        del result

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from hybridmpm import Scene, UnknownScenarioError, checking, scenarios
+from hybridmpm import Scene, SceneError, UnknownScenarioError, checking, scenarios
 from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner import Estimate, Plan, estimates, plan
@@ -17,6 +17,7 @@ from hybridmpm_service.settings import Settings
 
 _SMALL = 5_000_000
 """Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
+_MOST_FAULTS = 50
 _solvers = cache(SolverFactory)
 
 
@@ -41,11 +42,19 @@ class SceneSource:
         if isinstance(self.data, Scene):
             return within_limits(self.data, settings)
         if self.scenario is None:
-            return within_limits(Scene.parse(self.data), settings)
+            return within_limits(read(self.data), settings)
         try:
             return within_limits(scenarios.get(self.scenario, self.seed or 0), settings)
         except UnknownScenarioError as err:
             raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+
+
+def read(data: Any) -> Scene:
+    """Return the scene of plain data; raises `SceneError`, with the first faults of many."""
+    try:
+        return Scene.parse(data)
+    except SceneError as err:
+        raise SceneError.of(err.problems[:_MOST_FAULTS]) from None
 
 
 def examined(source: SceneSource, settings: Settings) -> tuple[Scene, tuple[Finding, ...]]:

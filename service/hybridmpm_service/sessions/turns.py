@@ -152,7 +152,7 @@ class Turn:
             self.raise_if_ended()
             raise
         finally:
-            self._pid = 0
+            self._pid, self._apart = 0, None
 
     def allow(self, *, running: bool) -> None:
         """Let the work run, or pause."""
