@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from hybridmpm.control import Stroke
-from hybridmpm.scene import plain_data
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
+from hybridmpm_service.sessions.scene_work import value_of
 from hybridmpm_service.sessions.turns import Turns
 
 MAX_VALUES = 1 << 15
@@ -91,7 +91,7 @@ def read_json(text: bytes | str, field: str) -> Any:
     values = Values(field)
     values.add(data)
     try:
-        value = _read_log(data) if values.is_log else plain_data.from_json(data)
+        value = _read_log(data) if values.is_log else value_of(data)
     except (ValueError, RecursionError) as err:
         raise FieldError(field, f"is not JSON: {err}") from None
     if values.is_log:
@@ -106,7 +106,7 @@ async def read_body(turns: Turns, data: bytes) -> Any:
     if len(data) <= _QUICK_BYTES:
         return read_json(data, "body")
     try:
-        return await turns.apart(plain_data.from_json, data)
+        return await turns.apart(value_of, data)
     except (ValueError, RecursionError) as err:
         raise FieldError("body", f"is not JSON: {err}") from None
 
@@ -118,7 +118,7 @@ def _read_log(data: bytes) -> Any:
     """
     found = _INPUTS.search(data)
     if found is None:
-        return plain_data.from_json(data)
+        return value_of(data)
     text, place = data.decode(), len(data[: found.end()].decode())
     inputs: list[Any] = []
     decoder, valid = json.JSONDecoder(), True
@@ -127,14 +127,16 @@ def _read_log(data: bytes) -> Any:
             if text[place] != ",":
                 raise ValueError(f"expected , or ] at character {place}")
             place = _after(text, place + 1)
+        start = place
         one, place = decoder.raw_decode(text, place)
         if valid:
             try:
                 one = INPUT.validate_python(one)
             except ValidationError:
                 valid = False  # reported with its place, when the whole body is read
+                value_of(text[start:place].encode())
         inputs.append(one)
-    body = plain_data.from_json(data[: found.end()] + text[place:].encode())
+    body = value_of(data[: found.end()] + text[place:].encode())
     log = body["log"] if isinstance(body, dict) else None
     if isinstance(log, dict) and log.get("inputs") == []:
         log["inputs"] = inputs

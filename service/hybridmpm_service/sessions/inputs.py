@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from hybridmpm import SOLVER_VERSION, Scene, __version__
 from hybridmpm.control import (
@@ -27,8 +27,6 @@ from hybridmpm.control import (
 )
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
-_MOST_UNKNOWN = 20
-"""Largest number of unknown fields that are named one by one."""
 MAX_PUSH_SPEED = 100.0
 """Largest speed of a hand along an axis [m/s]."""
 Frame = Annotated[int, Field(ge=0)]
@@ -48,15 +46,6 @@ class Strict(BaseModel):
     """Base of data from clients: unknown fields, infinite numbers and strings for numbers are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, use_attribute_docstrings=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _few_fields(cls, data: Any) -> Any:
-        """Refuse a crowd of unknown fields: an error for each would take long to make."""
-        most = len(cls.model_fields) + _MOST_UNKNOWN
-        if isinstance(data, dict) and len(data) > most:
-            raise ValueError(f"has {len(data)} fields, and there are {len(cls.model_fields)}")
-        return data
 
 
 class OfParticle(Strict):

@@ -10,6 +10,7 @@ from hybridmpm import Scene, SceneError, UnknownScenarioError, checking, scenari
 from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner import Estimate, Plan, estimates, plan
+from hybridmpm.scene import plain_data
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.admission import building_cost, within_limits
 from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
@@ -17,7 +18,7 @@ from hybridmpm_service.settings import Settings
 
 _SMALL = 5_000_000
 """Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
-_MOST_FAULTS = 50
+_MOST_FAULTS, _MOST_FIELDS = 50, 100
 _solvers = cache(SolverFactory)
 
 
@@ -47,6 +48,28 @@ class SceneSource:
             return within_limits(scenarios.get(self.scenario, self.seed or 0), settings)
         except UnknownScenarioError as err:
             raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+
+
+def value_of(text: bytes) -> Any:
+    """Return the value of a JSON text.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        It is no such text, or an object has a key twice, or many more fields than any model.
+    """
+    value = plain_data.from_json(text)
+    waiting = [value]
+    while waiting:
+        one = waiting.pop()
+        if isinstance(one, dict):
+            # An error for each unknown field would take long to make.
+            if len(one) > _MOST_FIELDS:
+                raise ValueError(f"an object has {len(one)} fields, and may have at most {_MOST_FIELDS}")
+            waiting += one.values()
+        elif isinstance(one, list):
+            waiting += one
+    return value
 
 
 def read(data: Any) -> Scene:
