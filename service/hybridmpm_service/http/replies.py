@@ -2,10 +2,10 @@
 
 import asyncio
 import io
-import json
 import re
 import struct
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from hybridmpm.control import Sketch
 from hybridmpm.export import Cloud
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import encode
+from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import frame_of
@@ -28,10 +29,8 @@ PLY = "application/x-ply"
 """Media type of a point cloud for mesh tools."""
 VTP = "application/x-vtp"
 """Media type of a point cloud for ParaView."""
-_NUMBERS_AT_ONCE = 4096
-"""Largest count of numbers that are encoded as JSON without a pause."""
-
-
+_NUMBERS_HERE = 4096
+"""Largest count of numbers that are encoded in this process."""
 JSON = "application/json"
 
 
@@ -76,63 +75,30 @@ def _tokens(request: Request, header: str) -> list[str]:
     return [part.partition(";")[0].strip().lower() for part in lines.split(",")]
 
 
-async def npz_response(turns: Turns, arrays: Mapping[str, npt.ArrayLike]) -> Response:
+async def numbers_response(turns: Turns, values: Mapping[str, Any], *, as_npz: bool) -> Response:
+    """Return numbers, lists and arrays as a JSON object, or arrays as npz."""
+    if as_npz:
+        return Response(await turns.run(lambda: npz(values)), media_type=NPZ)
+    size, encode = sum(map(np.size, values.values())), partial(scene_work.json_object, values)
+    return Response(await _encoded(turns, size, encode), media_type=JSON)
+
+
+def npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
     """Return arrays as an npz file that `numpy.load` reads without pickle."""
-
-    def encode() -> bytes:
-        data = io.BytesIO()
-        np.savez(data, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
-        return data.getvalue()
-
-    return Response(await turns.run(encode), media_type=NPZ)
+    data = io.BytesIO()
+    np.savez(data, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+    return data.getvalue()
 
 
 async def cloud_response(turns: Turns, cloud: Cloud, media_type: str) -> Response:
     """Return a point cloud as `PLY` or `VTP`."""
     encode = cloud.ply if media_type == PLY else cloud.vtp
-    return Response(await turns.run(encode), media_type=media_type)
+    return Response(await _encoded(turns, cloud.positions.size, encode), media_type=media_type)
 
 
-async def json_response(turns: Turns, body: Mapping[str, Any]) -> Response:
-    """Return numbers, lists and arrays as a JSON object."""
-
-    def encode() -> bytes:
-        fields = (f"{json.dumps(name)}:{_json(value)}" for name, value in body.items())
-        return f"{{{','.join(fields)}}}".encode()
-
-    return Response(await turns.run(encode), media_type="application/json")
-
-
-def with_nulls(array: npt.NDArray[np.floating[Any]]) -> npt.NDArray[Any]:
-    """Return an array with None in place of NaN, which JSON lacks."""
-    held = array.astype(object)
-    held[np.isnan(array)] = None
-    return held
-
-
-def _json(value: object) -> str:
-    if isinstance(value, np.ndarray):
-        return f"[{','.join(_pieces(value))}]"
-    return json.dumps(value, allow_nan=False, separators=(",", ":"))
-
-
-def _pieces(array: npt.NDArray[Any]) -> Iterator[str]:
-    """Yield the JSON of an array's elements in pieces of some milliseconds.
-
-    The encoder keeps Python's global lock during a piece, in any thread. Between two pieces the event loop
-    can go on.
-    """
-    step = max(1, _NUMBERS_AT_ONCE // max(1, array[:1].size))
-    for start in range(0, len(array), step):
-        part = array[start : start + step]
-        if part.size > _NUMBERS_AT_ONCE:
-            yield from (_json(row) for row in part)
-        else:
-            yield _json_list(part)
-
-
-def _json_list(part: npt.NDArray[Any]) -> str:
-    return json.dumps(part.tolist(), allow_nan=False, separators=(",", ":"))[1:-1]
+async def _encoded(turns: Turns, size: int, encode: Callable[[], bytes]) -> bytes:
+    """Return numbers as text; where there are thousands, it would keep Python's global lock for long."""
+    return await (turns.run(encode) if size <= _NUMBERS_HERE else turns.apart(encode))
 
 
 FRAMES = "application/x-hybridmpm-frames"

@@ -12,8 +12,7 @@ from hybridmpm_service.http.replies import (
     PLY,
     VTP,
     cloud_response,
-    json_response,
-    npz_response,
+    numbers_response,
     preferred,
 )
 from hybridmpm_service.http.requests import AdvanceSession
@@ -131,4 +130,4 @@ async def get_particles(session_id: SessionId, sessions: Sessions, request: Requ
 
 async def _particles(turns: Turns, session: Session, *, as_npz: bool) -> Response:
     arrays = vars(await session.particles())
-    return await (npz_response(turns, arrays) if as_npz else json_response(turns, arrays))
+    return await numbers_response(turns, arrays, as_npz=as_npz)

@@ -12,12 +12,10 @@ from hybridmpm_service.http.jobs import JobBody
 from hybridmpm_service.http.replies import (
     FRAMES,
     NPZ,
-    json_response,
-    npz_response,
+    numbers_response,
     preferred,
     prefers_async,
     streamed,
-    with_nulls,
 )
 from hybridmpm_service.http.sketches import (
     ForceBody,
@@ -146,7 +144,7 @@ async def trace_sketch(
         found = await session.on_copy(
             lambda twin, check: traced(twin, check, sketch, on_frame=report, **chosen)
         )
-        return await _answered(sessions.turns, *found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
+        return await _answered(sessions.turns, *found, stride, as_npz=as_npz)
 
     if not prefers_async(request):
         return await motion()
@@ -169,15 +167,11 @@ async def _answered(
     stride: int,
     *,
     as_npz: bool,
-    may_leave: bool,
 ) -> Response:
     arrays = trajectory_arrays(motion, stride)
-    if as_npz:
-        return await npz_response(turns, arrays)
-    if may_leave:
-        arrays["positions"] = await turns.run(lambda: with_nulls(arrays["positions"]))
     known = GuidanceBody.of(guidance, motion.first_frame).model_dump(mode="json")
-    return await json_response(turns, known | {"reached": vars(motion.reached)} | arrays)
+    others = {} if as_npz else known | {"reached": vars(motion.reached)}
+    return await numbers_response(turns, others | arrays, as_npz=as_npz)
 
 
 def _check_frames(settings: SketchSettings, most: int) -> None:

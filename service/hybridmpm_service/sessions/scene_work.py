@@ -1,10 +1,14 @@
-"""Work on scenes of clients, made of functions that also run in a process apart (see `apart`)."""
+"""Work on what clients send and receive, made of functions that also run in a process apart (see `apart`)."""
 
+import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from hybridmpm import Scene, SceneError, UnknownScenarioError, checking, scenarios
 from hybridmpm.checking import Finding, SceneCheck
@@ -119,6 +123,19 @@ def planned(
     """
     scene = source.scene(settings)
     return plan(scene, **demand), [one for one, _ in estimates(scene, measure=demand["measure"])]
+
+
+def json_object(values: Mapping[str, Any]) -> bytes:
+    """Return numbers, lists and arrays as a JSON object, with null in place of NaN, which JSON lacks."""
+    plain = {name: _listed(one) if isinstance(one, np.ndarray) else one for name, one in values.items()}
+    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
+
+
+def _listed(array: npt.NDArray[Any]) -> Any:
+    if array.dtype.kind == "f" and (absent := np.isnan(array)).any():
+        array = array.astype(object)
+        array[absent] = None
+    return array.tolist()
 
 
 def warm_up() -> None:

@@ -13,6 +13,7 @@ import socket
 import warnings
 from typing import NoReturn
 
+import hybridmpm.export  # noqa: F401 - forks encode clouds of particles
 from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.apart import CPU_SECONDS, SIZE
 
