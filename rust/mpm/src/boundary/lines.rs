@@ -15,6 +15,9 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// A line this near to the sharp edge of a face is left out [cells]: it would hold what flows round the edge.
 const INSET: f32 = 0.5;
+/// Distance from a surface at which contact of elastic bodies begins [cells]. With a larger one a round body stands on a
+/// flat and does not roll; with a smaller one it rolls on particles that are put back on the surface one by one.
+const ELASTIC_REACH: f64 = 0.0;
 /// How far from a surface its two sides are looked at [cells].
 const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
@@ -135,6 +138,7 @@ impl<'a, const D: usize> Solids<'a, D> {
                 face,
                 f64::from(normal[axis].abs()),
                 self.list[index].contact.kind,
+                ELASTIC_REACH,
             ),
             obstacle: index as u32,
             normal,

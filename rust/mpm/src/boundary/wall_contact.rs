@@ -24,18 +24,15 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
 const REACH: f64 = 0.45;
-/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll; with a
-/// smaller one it rolls on particles that are put back on the wall one by one.
-const ELASTIC_REACH: f64 = 0.0;
-
 /// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
 const HELD_REACH: f64 = 0.9;
 
 /// Mass of the middle node over that of the inner one where material begins to touch [-]: what flows, and what is elastic.
 /// The surface lies at `face` [cells] from the middle node towards the inner one, and its normal has this part along the line.
-pub(super) fn touching(face: f64, normal: f64, kind: ContactKind) -> [f32; 2] {
+/// Elastic bodies have a reach of their own [cells] where they may leave.
+pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, elastic: f64) -> [f32; 2] {
     let reaches = match kind {
-        ContactKind::Separating => [REACH, ELASTIC_REACH],
+        ContactKind::Separating => [REACH, elastic],
         ContactKind::Sticky | ContactKind::Slip => [HELD_REACH; 2],
     };
     reaches.map(|reach| {
@@ -96,7 +93,7 @@ impl WallContact {
                 contact,
                 middle: base as usize + 1,
                 weights,
-                touching: touching(face, 1.0, contact.kind),
+                touching: touching(face, 1.0, contact.kind, REACH),
                 lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
             }
