@@ -16,7 +16,7 @@ from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, t
 _MAX_ERROR = {"wall": 1e-3, "obstacle": 1e-2}  # largest relative error of the path, by kind of plane [-]
 _G = 9.81
 _SIDE = 0.125
-_ROOM = 0.7  # length of path [m] at which a run ends, by the closed form
+_ROOM = 0.65  # length of path [m] at which a run ends, by the closed form
 _LONGEST = 1.0  # time at which a run ends at the latest [s]
 _STIFF = Elastic(youngs_modulus=1e8)
 """Material of the block. A block sticks at first, until elastic waves have reached its bottom; in a stiff

@@ -71,13 +71,13 @@ def test_it_finds_a_method_within_an_error_and_refuses_impossible_ones(
 
 def test_findings_of_the_scene_are_shown(open_page: Open, service: LiveService) -> None:
     body = {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
-    shelf = {"shape": "box", "lower": [0.2, 0.3], "upper": [0.7, 0.31]}
+    shelf = {"shape": "box", "lower": [0.2, 0.3], "upper": [0.7, 0.306]}
     scene = {"dim": 2, "resolution": 64, "bodies": [body], "obstacles": [shelf]}
     made = service.post("/v1/sessions", {"scene": scene})
     assert len(made["findings"]) == 1
     visit = open_page(f"renderer=canvas2d&session={made['id']}", until="body.state === 'live'")
     found = visit.page.get_by_role("list", name="Scene problems")
-    expect(found).to_contain_text("Obstacle 1 is 0.01 m thick")
+    expect(found).to_contain_text("Obstacle 1 is 0.006 m thick")
     other = open_page(SCENE, until=LIVE)
     expect(other.page.locator("#findings")).to_be_hidden()
 

@@ -332,9 +332,9 @@ def test_files_that_cannot_be_resumed_or_saved(tmp_path: Path) -> None:
 
 def test_warnings_are_one_line(tmp_path: Path) -> None:
     body = Box(material="water", lower=(0.4, 0.4), upper=(0.6, 0.6))
-    thin = BallObstacle(center=(0.5, 0.3), radius=0.01)
+    thin = BallObstacle(center=(0.5, 0.3), radius=0.005)
     Scene(dim=2, resolution=32, bodies=(body,), obstacles=(thin,)).save(tmp_path / "thin.yaml")
     options = ["--scene", tmp_path / "thin.yaml", "--frames", "1", "--save", tmp_path / "state.hmpm"]
     done = subprocess.run([*MODULE, "simulate", *options], capture_output=True, text=True, check=True)
-    assert done.stderr.startswith("Warning: obstacles[0] (ball) is 0.02 m thick")
+    assert done.stderr.startswith("Warning: obstacles[0] (ball) is 0.01 m thick")
     assert done.stderr.splitlines()[1].startswith("Simulating")

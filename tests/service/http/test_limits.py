@@ -118,7 +118,7 @@ def test_scenes_and_large_bodies_are_read_in_processes_apart(
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_crowd_of_fields_is_refused_as_one(inside: bool, service: Any, problem: Any) -> None:  # noqa: FBT001
+def test_a_crowd_of_fields_is_refused_as_one(inside: bool, service: Any) -> None:  # noqa: FBT001
     """An error for each of them would take seconds to make."""
     crowd: dict[str, Any] = {f"k{number}": 1 for number in range(200)}
     answer = service.http.post("/v1/sessions", json={"scene": crowd} if inside else crowd)
