@@ -7,7 +7,7 @@
 use super::motion::Pose;
 use super::node::MaterialFriction;
 use super::obstacle::Obstacle;
-use super::wall_contact::touching;
+use super::wall_contact::{REACH, touching};
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
 use crate::linalg::Vector;
 
@@ -129,17 +129,13 @@ impl<'a, const D: usize> Solids<'a, D> {
         let stride = self.layout.stride(axis) as isize;
         let steps = base as isize + 1 - node[axis] as isize;
         let face = f64::from((base + 1.0 - xi) * inward);
+        let (kind, normal_part) = (self.list[index].contact.kind, f64::from(normal[axis].abs()));
         Some(Line {
             node: memory,
             middle: memory.wrapping_add_signed(steps * stride),
             step: if inward > 0.0 { -stride } else { stride },
             weights,
-            touching: touching(
-                face,
-                f64::from(normal[axis].abs()),
-                self.list[index].contact.kind,
-                ELASTIC_REACH,
-            ),
+            touching: [REACH, ELASTIC_REACH].map(|reach| touching(face, normal_part, kind, reach)),
             obstacle: index as u32,
             normal,
             x,

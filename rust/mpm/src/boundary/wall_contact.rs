@@ -23,29 +23,28 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 /// Distance from a surface at which contact begins [cells], of what flows. It must include material at rest on a wall, whose
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
-const REACH: f64 = 0.45;
+pub(super) const REACH: f64 = 0.45;
 /// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
 const HELD_REACH: f64 = 0.9;
 
-/// Mass of the middle node over that of the inner one where material begins to touch [-]: what flows, and what is elastic.
+/// Mass of the middle node over that of the inner one where material begins to touch [-].
+///
 /// The surface lies at `face` [cells] from the middle node towards the inner one, and its normal has this part along the line.
-/// Elastic bodies have a reach of their own [cells] where they may leave.
-pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, elastic: f64) -> [f32; 2] {
-    let reaches = match kind {
-        ContactKind::Separating => [REACH, elastic],
-        ContactKind::Sticky | ContactKind::Slip => [HELD_REACH; 2],
+/// Material that may leave has this reach [cells].
+pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, reach: f64) -> f32 {
+    let reach = match kind {
+        ContactKind::Separating => reach,
+        ContactKind::Sticky | ContactKind::Slip => HELD_REACH,
     };
-    reaches.map(|reach| {
-        let face = face + reach / normal;
-        (cumulative(-face) / cumulative(1.0 - face)) as f32
-    })
+    let face = face + reach / normal;
+    (cumulative(-face) / cumulative(1.0 - face)) as f32
 }
 
 /// Which lines across walls to change.
 #[derive(Debug, Clone, Copy)]
 pub struct Lines<'a> {
-    /// Those of the grid, or of a field that has its own nodes; and whether that is elastic.
-    pub own: Option<bool>,
+    /// Only those whose nodes carry several fields.
+    pub shared: bool,
     /// Those across the first axis, the others, or one after the other.
     pub across_first: &'a [bool],
 }
@@ -61,12 +60,11 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
-    /// See `touching`.
-    touching: [f32; 2],
+    /// Mass of the middle node over that of the inner one where material begins to touch the wall [-].
+    touching: f32,
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
-    /// lines are parts of rows, else the first of each chunk of lines side by side. First those that something may reach that
-    /// flows, and then those that only elastic bodies reach.
-    lines: [Vec<usize>; 2],
+    /// lines are parts of rows, else the first of each chunk of lines side by side.
+    lines: Vec<usize>,
     /// Those of them whose nodes carry several fields.
     shared_lines: Vec<usize>,
 }
@@ -94,7 +92,7 @@ impl WallContact {
                 middle: base as usize + 1,
                 weights,
                 touching: touching(face, 1.0, contact.kind, REACH),
-                lines: [Vec::new(), Vec::new()],
+                lines: Vec::new(),
                 shared_lines: Vec::new(),
             }
         };
@@ -118,7 +116,7 @@ impl WallContact {
         layout: &Layout<D>,
     ) {
         for side in &mut self.sides {
-            let mut lines = std::mem::take(&mut side.lines[0]);
+            let lines = &mut side.lines;
             lines.clear();
             let chunks = |span: &Span| {
                 let start = span.row * layout.row_length;
@@ -147,10 +145,6 @@ impl WallContact {
                 let shared = shared.filter(|line| fields.is_shared(**line / CHUNK));
                 side.shared_lines.extend(shared);
             }
-            side.lines[1].clear();
-            let elastic = lines.extract_if(.., |line| fields.only_elastic(*line / CHUNK));
-            side.lines[1].extend(elastic);
-            side.lines[0] = lines;
         }
     }
 
@@ -205,19 +199,12 @@ impl WallContact {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
             for side in sides.filter(|side| (side.axis == 0) == *across_first) {
-                let mut resolve = |lines: &[usize], elastic: bool| {
-                    let touching = side.touching[usize::from(elastic)];
-                    let lines = lines_in(window, lines);
-                    if !lines.is_empty() {
-                        Self::resolve(window, side, touching, lines, friction);
-                    }
-                };
-                if let Some(elastic) = lines.own {
-                    resolve(&side.shared_lines, elastic);
+                let all = if lines.shared {
+                    &side.shared_lines
                 } else {
-                    resolve(&side.lines[0], false);
-                    resolve(&side.lines[1], true);
-                }
+                    &side.lines
+                };
+                Self::resolve(window, side, lines_in(window, all), friction);
             }
         }
     }
@@ -226,7 +213,6 @@ impl WallContact {
     fn resolve<const D: usize>(
         window: &mut Window<'_, D>,
         side: &Side,
-        touching: f32,
         lines: &[usize],
         friction: &MaterialFriction,
     ) {
@@ -237,7 +223,6 @@ impl WallContact {
         run_wide(ResolveLines {
             window,
             side,
-            touching,
             lines,
             kind: side.contact.kind,
             friction,
@@ -255,8 +240,6 @@ fn lines_in<'l, const D: usize>(window: &Window<'_, D>, lines: &'l [usize]) -> &
 struct ResolveLines<'a, 'w, const D: usize> {
     window: &'a mut Window<'w, D>,
     side: &'a Side,
-    /// See `touching`.
-    touching: f32,
     /// See `Side`.
     lines: &'a [usize],
     kind: ContactKind,
@@ -346,7 +329,7 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 }
             }
         }
-        lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE);
+        lines.leave_out_what_does_not_touch(self.side, found * SIDE_BY_SIDE);
         let mut mu = [0.0; LANES];
         if N > 1 {
             for lane in 0..found * SIDE_BY_SIDE {
@@ -384,10 +367,10 @@ struct LineNodes<const N: usize> {
 impl<const N: usize> LineNodes<N> {
     /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
     #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, touching: f32, count: usize) {
+    fn leave_out_what_does_not_touch(&mut self, side: &Side, count: usize) {
         let [_, middle, inner] = self.mass;
         for i in 0..LANES {
-            let touches = middle[i] > SMALLEST_MASS && middle[i] >= touching * inner[i];
+            let touches = middle[i] > SMALLEST_MASS && middle[i] >= side.touching * inner[i];
             for mass in &mut self.mass {
                 mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
             }
