@@ -7,7 +7,7 @@
 use super::motion::Pose;
 use super::node::MaterialFriction;
 use super::obstacle::Obstacle;
-use super::wall_contact::{REACH, touching};
+use super::wall_contact::touching;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
 use crate::linalg::Vector;
 
@@ -15,9 +15,6 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// A line this near to the sharp edge of a face is left out [cells]: it would hold what flows round the edge.
 const INSET: f32 = 0.5;
-/// Distance from a surface at which contact of elastic bodies begins [cells]. With a larger one a round body stands on a
-/// flat and does not roll; with a smaller one it rolls on particles that are put back on the surface one by one.
-const ELASTIC_REACH: f64 = 0.0;
 /// How far from a surface its two sides are looked at [cells].
 const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
@@ -129,13 +126,16 @@ impl<'a, const D: usize> Solids<'a, D> {
         let stride = self.layout.stride(axis) as isize;
         let steps = base as isize + 1 - node[axis] as isize;
         let face = f64::from((base + 1.0 - xi) * inward);
-        let (kind, normal_part) = (self.list[index].contact.kind, f64::from(normal[axis].abs()));
         Some(Line {
             node: memory,
             middle: memory.wrapping_add_signed(steps * stride),
             step: if inward > 0.0 { -stride } else { stride },
             weights,
-            touching: [REACH, ELASTIC_REACH].map(|reach| touching(face, normal_part, kind, reach)),
+            touching: touching(
+                face,
+                f64::from(normal[axis].abs()),
+                self.list[index].contact.kind,
+            ),
             obstacle: index as u32,
             normal,
             x,

@@ -23,28 +23,31 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 /// Distance from a surface at which contact begins [cells], of what flows. It must include material at rest on a wall, whose
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
-pub(super) const REACH: f64 = 0.45;
+const REACH: f64 = 0.45;
+/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll. With none, a stiff block that
+/// lies on a surface loses touch with it, hops, and slides too far.
+const ELASTIC_REACH: f64 = 0.07;
 /// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
 const HELD_REACH: f64 = 0.9;
 
-/// Mass of the middle node over that of the inner one where material begins to touch [-].
-///
+/// Mass of the middle node over that of the inner one where material begins to touch [-]: what flows, and what is elastic.
 /// The surface lies at `face` [cells] from the middle node towards the inner one, and its normal has this part along the line.
-/// Material that may leave has this reach [cells].
-pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, reach: f64) -> f32 {
-    let reach = match kind {
-        ContactKind::Separating => reach,
-        ContactKind::Sticky | ContactKind::Slip => HELD_REACH,
+pub(super) fn touching(face: f64, normal: f64, kind: ContactKind) -> [f32; 2] {
+    let reaches = match kind {
+        ContactKind::Separating => [REACH, ELASTIC_REACH],
+        ContactKind::Sticky | ContactKind::Slip => [HELD_REACH; 2],
     };
-    let face = face + reach / normal;
-    (cumulative(-face) / cumulative(1.0 - face)) as f32
+    reaches.map(|reach| {
+        let face = face + reach / normal;
+        (cumulative(-face) / cumulative(1.0 - face)) as f32
+    })
 }
 
 /// Which lines across walls to change.
 #[derive(Debug, Clone, Copy)]
 pub struct Lines<'a> {
-    /// Only those whose nodes carry several fields.
-    pub shared: bool,
+    /// Those of the grid, or of a field that has its own nodes; and whether that is elastic.
+    pub own: Option<bool>,
     /// Those across the first axis, the others, or one after the other.
     pub across_first: &'a [bool],
 }
@@ -60,11 +63,12 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
-    /// Mass of the middle node over that of the inner one where material begins to touch the wall [-].
-    touching: f32,
+    /// See `touching`.
+    touching: [f32; 2],
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
-    /// lines are parts of rows, else the first of each chunk of lines side by side.
-    lines: Vec<usize>,
+    /// lines are parts of rows, else the first of each chunk of lines side by side. First those that something may reach that
+    /// flows, and then those that only elastic bodies reach.
+    lines: [Vec<usize>; 2],
     /// Those of them whose nodes carry several fields.
     shared_lines: Vec<usize>,
 }
@@ -91,8 +95,8 @@ impl WallContact {
                 contact,
                 middle: base as usize + 1,
                 weights,
-                touching: touching(face, 1.0, contact.kind, REACH),
-                lines: Vec::new(),
+                touching: touching(face, 1.0, contact.kind),
+                lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
             }
         };
@@ -116,7 +120,7 @@ impl WallContact {
         layout: &Layout<D>,
     ) {
         for side in &mut self.sides {
-            let lines = &mut side.lines;
+            let mut lines = std::mem::take(&mut side.lines[0]);
             lines.clear();
             let chunks = |span: &Span| {
                 let start = span.row * layout.row_length;
@@ -145,6 +149,10 @@ impl WallContact {
                 let shared = shared.filter(|line| fields.is_shared(**line / CHUNK));
                 side.shared_lines.extend(shared);
             }
+            side.lines[1].clear();
+            let elastic = lines.extract_if(.., |line| fields.only_elastic(*line / CHUNK));
+            side.lines[1].extend(elastic);
+            side.lines[0] = lines;
         }
     }
 
@@ -199,12 +207,19 @@ impl WallContact {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
             for side in sides.filter(|side| (side.axis == 0) == *across_first) {
-                let all = if lines.shared {
-                    &side.shared_lines
-                } else {
-                    &side.lines
+                let mut resolve = |lines: &[usize], elastic: bool| {
+                    let touching = side.touching[usize::from(elastic)];
+                    let lines = lines_in(window, lines);
+                    if !lines.is_empty() {
+                        Self::resolve(window, side, touching, lines, friction);
+                    }
                 };
-                Self::resolve(window, side, lines_in(window, all), friction);
+                if let Some(elastic) = lines.own {
+                    resolve(&side.shared_lines, elastic);
+                } else {
+                    resolve(&side.lines[0], false);
+                    resolve(&side.lines[1], true);
+                }
             }
         }
     }
@@ -213,6 +228,7 @@ impl WallContact {
     fn resolve<const D: usize>(
         window: &mut Window<'_, D>,
         side: &Side,
+        touching: f32,
         lines: &[usize],
         friction: &MaterialFriction,
     ) {
@@ -223,6 +239,7 @@ impl WallContact {
         run_wide(ResolveLines {
             window,
             side,
+            touching,
             lines,
             kind: side.contact.kind,
             friction,
@@ -240,6 +257,8 @@ fn lines_in<'l, const D: usize>(window: &Window<'_, D>, lines: &'l [usize]) -> &
 struct ResolveLines<'a, 'w, const D: usize> {
     window: &'a mut Window<'w, D>,
     side: &'a Side,
+    /// See `touching`.
+    touching: f32,
     /// See `Side`.
     lines: &'a [usize],
     kind: ContactKind,
@@ -329,7 +348,7 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 }
             }
         }
-        lines.leave_out_what_does_not_touch(self.side, found * SIDE_BY_SIDE);
+        lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE);
         let mut mu = [0.0; LANES];
         if N > 1 {
             for lane in 0..found * SIDE_BY_SIDE {
@@ -367,10 +386,10 @@ struct LineNodes<const N: usize> {
 impl<const N: usize> LineNodes<N> {
     /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
     #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, side: &Side, count: usize) {
+    fn leave_out_what_does_not_touch(&mut self, touching: f32, count: usize) {
         let [_, middle, inner] = self.mass;
         for i in 0..LANES {
-            let touches = middle[i] > SMALLEST_MASS && middle[i] >= side.touching * inner[i];
+            let touches = middle[i] > SMALLEST_MASS && middle[i] >= touching * inner[i];
             for mass in &mut self.mass {
                 mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
             }

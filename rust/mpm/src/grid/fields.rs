@@ -126,6 +126,20 @@ impl<const D: usize> Fields<D> {
             .is_some_and(|holder| holder.is_shared())
     }
 
+    /// Whether nothing that flows reaches a chunk.
+    pub fn only_elastic(&self, chunk: usize) -> bool {
+        self.map().only_elastic(chunk)
+    }
+
+    fn map(&self) -> FieldMap<'_> {
+        FieldMap {
+            flows: self.flows,
+            holders: &self.holders,
+            near: &self.near,
+            slots: &self.slots,
+        }
+    }
+
     /// Forgets all slots.
     pub fn clear(&mut self) {
         for chunk in self.held.drain(..) {

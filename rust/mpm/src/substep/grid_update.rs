@@ -44,7 +44,7 @@ pub fn grid_update<const D: usize>(
     } else {
         &[false, true]
     };
-    act_by_walls(window, fields, forces, axes);
+    act_by_walls(window, fields, kinds, forces, axes);
     work
 }
 
@@ -64,18 +64,16 @@ pub fn act_across<const D: usize>(
 pub fn act_by_walls<const D: usize>(
     window: &mut Window<'_, D>,
     fields: Option<FieldWindow<'_>>,
+    kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     across_first: &[bool],
 ) {
     let friction = &forces.material_friction;
-    let apply = |window: &mut Window<'_, D>, shared: bool| {
-        let lines = Lines {
-            shared,
-            across_first,
-        };
-        forces.walls.apply(window, friction, lines);
+    let lines = Lines {
+        own: None,
+        across_first,
     };
-    apply(window, false);
+    forces.walls.apply(window, friction, lines);
     let Some(mut fields) = fields else { return };
     if !forces.walls.has_shared_lines(window) {
         return;
@@ -85,13 +83,15 @@ pub fn act_by_walls<const D: usize>(
     order.sort_by_key(|&slot| fields.slots[slot].field);
     let same_field = |a: &usize, b: &usize| fields.slots[*a].field == fields.slots[*b].field;
     for slots in order.chunk_by(same_field) {
+        let own = Some(kinds.is_elastic(fields.slots[slots[0]].field));
         for there in [true, false] {
             for &slot in slots {
                 swap(window, &mut fields, slot);
                 window.dirty[fields.slots[slot].chunk as usize - window.first / CHUNK] = there;
             }
             if there {
-                apply(window, true);
+                let lines = Lines { own, ..lines };
+                forces.walls.apply(window, friction, lines);
             }
         }
     }

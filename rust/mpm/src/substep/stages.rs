@@ -176,7 +176,7 @@ impl<const D: usize> Substep<'_, D> {
                     let window = &mut unsafe { grid.window(band.clone()) };
                     // SAFETY: as above.
                     let fields = meet.then(|| unsafe { grid.fields.window(band) });
-                    act_by_walls(window, fields, &self.forces, &[true]);
+                    act_by_walls(window, fields, kinds, &self.forces, &[true]);
                 }
                 (Stage::G2p, part, parts) => {
                     // SAFETY: all slabs in reach only read in this stage.
