@@ -21,7 +21,8 @@ LIMITS = {
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
-    "laboratory": (("lab/**.py",), 8_290),
+    # 60 lines pour heaps of sand, whose slope no other case shows.
+    "laboratory": (("lab/**.py",), 8_350),
     # Sealed files of sessions; one door for all routes; turns and processes that bound what clients can cost.
     "service": (("service/**.py",), 9_400),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
