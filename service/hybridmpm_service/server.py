@@ -37,8 +37,6 @@ By default it grows to megabytes, and a sleeping client would fill it for minute
 
 _SILENT_SECONDS = 60.0
 """Time between two messages in the log that connections cannot be taken."""
-_OBJECTS = 20_000
-"""Number of new objects after which circles among them are looked for; by default 700."""
 _SWITCH_SECONDS = 0.0005
 """Time after which a thread lets another one run Python code [s]; by default ten times as long."""
 _BACKLOG = 128
@@ -87,11 +85,9 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
         # Threads that run Python code keep the event loop waiting for so long whenever it is woken.
         sys.setswitchinterval(_SWITCH_SECONDS)
         app = create_app(settings)
-        # A search for circles in all that was imported would take a tenth of a second, amid any call; in what
-        # large bodies contain it would go on all the time.
+        # A search for circles in all that was imported would take a tenth of a second, amid any call.
         gc.collect()
         gc.freeze()
-        gc.set_threshold(_OBJECTS)
         # What the first check would have to wait for.
         prepare()
         make_server(app).run(sockets=[listener])
