@@ -60,7 +60,7 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
 async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
     """Return the log of the session: scene, simulator and inputs since frame 0, to compute it again from."""
     log = await sessions.get(session_id).log()
-    text = await sessions.turns.run(lambda: LogBody.of(log).model_dump_json())
+    text = await sessions.turns.run(lambda: LogBody.text_of(log))
     return Response(text, media_type="application/json")
 
 

@@ -100,14 +100,14 @@ def test_a_client_with_many_keys_forgets_its_own(monkeypatch: pytest.MonkeyPatch
 def test_a_log_that_many_download_holds_up_nobody(
     service: Any, path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gate, reached, shape = threading.Event(), threading.Event(), LogBody.of
+    gate, reached, shape = threading.Event(), threading.Event(), LogBody.text_of
 
-    def held(log: Any) -> LogBody:
+    def held(log: Any) -> bytes:
         reached.set()
         assert gate.wait(WAIT_SECONDS)
         return shape(log)
 
-    monkeypatch.setattr(LogBody, "of", held)
+    monkeypatch.setattr(LogBody, "text_of", held)
     with ThreadPoolExecutor(20) as pool:
         downloads = [pool.submit(service.http.get, f"{path}/log") for _ in range(20)]
         assert reached.wait(WAIT_SECONDS)
