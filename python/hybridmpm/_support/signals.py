@@ -74,21 +74,28 @@ def whole() -> Iterator[None]:
         return
     given = {number: signal.getsignal(number) for number in _SIGNALS}
     ours = {number: handler for number, handler in given.items() if callable(handler)}
+    is_open = True
 
     def postpone(number: int, frame: FrameType | None) -> None:
+        if not is_open:
+            ours[number](number, frame)
+            return
         again = any(number == waiting for _, waiting, _ in _postponed)
         _postponed.append((ours[number], number, frame))
         if again:
             run_postponed()
 
-    _in_whole = True
     try:
+        _in_whole = True
         for number in ours:
             signal.signal(number, postpone)
         yield
     finally:
+        # These two lines call nothing, so that no handler runs between them. Each handler that is given back
+        # may raise at once; those that are left then pass their signals on.
+        _in_whole = False
+        is_open = False
         for number, handler in ours.items():
             if signal.getsignal(number) is postpone:
                 signal.signal(number, handler)
-        _in_whole = False
         run_postponed()

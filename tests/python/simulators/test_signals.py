@@ -160,6 +160,32 @@ def test_a_whole_block_ends_before_its_signal_and_a_second_one_ends_it() -> None
     assert done == [1]
 
 
+def test_a_signal_while_handlers_are_given_back_leaves_none_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The signal comes after the first handler is back, and before the others are."""
+    give, heard = signal.signal, []
+
+    def give_and_press(number: int, handler: object) -> object:
+        before = give(number, handler)  # type: ignore[arg-type]
+        if (number, handler) == (signal.SIGINT, signal.default_int_handler):
+            signal.raise_signal(signal.SIGINT)
+        return before
+
+    before = give(signal.SIGTERM, lambda number, _frame: heard.append(number))
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(signals.signal, "signal", give_and_press)
+            with pytest.raises(KeyboardInterrupt), signals.whole():
+                pass
+        signal.raise_signal(signal.SIGTERM)
+        assert heard == [signal.SIGTERM]
+        with signals.whole():
+            signal.raise_signal(signal.SIGTERM)
+            assert heard == [signal.SIGTERM]
+        assert heard == [signal.SIGTERM] * 2
+    finally:
+        give(signal.SIGTERM, before)
+
+
 @pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
 def test_a_frame_of_many_substeps_ends_amid_them_with_the_state_before_it() -> None:
     """Uncancelled, the frame takes many seconds: 19 000 substeps of 13 000 particles."""
