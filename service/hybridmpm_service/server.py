@@ -39,8 +39,11 @@ _SILENT_SECONDS = 60.0
 """Time between two messages in the log that connections cannot be taken."""
 _SWITCH_SECONDS = 0.0005
 """Time after which a thread lets another one run Python code [s]; by default ten times as long."""
-_BACKLOG = 128
-"""Number of connections that wait for the server, or that it takes at once."""
+_BACKLOG = 1024
+"""Number of new connections that may wait for the server."""
+_ACCEPTED = 4
+"""Number of new connections that the event loop takes at once. However many come together, each of its rounds
+lasts some milliseconds, and connections that exist already have their requests read in each."""
 _FILES = 100
 """Files of the process itself, of libraries, models, jobs and answers."""
 _FEWEST_CONNECTIONS = 16
@@ -107,7 +110,7 @@ def with_files(settings: Settings) -> Settings:
         import resource  # noqa: PLC0415 - absent on some systems
     except ImportError:
         return settings
-    beside = _FILES + SURPLUS + _BACKLOG + 2 * settings.max_jobs
+    beside = _FILES + SURPLUS + 2 * settings.max_jobs
     if settings.state_folder:
         beside += _FILES_OF_SESSION * settings.max_sessions
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -176,8 +179,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         ws_max_size=WS_MAX_BYTES,
         ws=stream_protocol(app.state.settings),
         http=request_protocol(app.state.settings),
-        # So many connections are taken before any of them is counted.
-        backlog=_BACKLOG,
+        backlog=_ACCEPTED,
         # Sessions belong to this process, so there is only one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,
@@ -204,6 +206,9 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         asyncio.get_running_loop().set_exception_handler(self._on_fault)
         await super().startup(sockets)
+        for listener in sockets or ():
+            # asyncio has one number for the connections that wait and those that are taken at once.
+            listener.listen(_BACKLOG)
 
     def _on_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Log a fault of the event loop; one that it meets thousands of times a second, once a minute."""
