@@ -1,8 +1,9 @@
 """Logs of sessions as JSON, in answers and in bodies."""
 
 from typing import Annotated, Any, Literal, Self
+from weakref import WeakKeyDictionary
 
-from pydantic import ConfigDict, FailFast, Field, TypeAdapter, model_validator
+from pydantic import ConfigDict, FailFast, Field, model_validator
 
 from hybridmpm import Scene
 from hybridmpm.simulator import Kind
@@ -10,12 +11,13 @@ from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import Frame, Input, Origin, PushInput, SketchInput, Strict, Versions
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
+from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.turns import Turns
 
 FORMAT = 1
 """Version of the form of a log."""
-_AT_ONCE = 256
-"""Number of inputs that are written at once, in less than a millisecond."""
-_INPUTS: TypeAdapter[list[Input]] = TypeAdapter(list[Annotated[Input, Field(discriminator="kind")]])
+_starts: WeakKeyDictionary[Session, bytes] = WeakKeyDictionary()
+"""Starts of the logs of sessions, which do not change; a scene may have thousands of bodies."""
 
 
 class LogBody(Strict):
@@ -101,19 +103,6 @@ class LogBody(Strict):
                 )
         return self
 
-    @classmethod
-    def text_of(cls, log: SessionLog) -> bytes:
-        """Return the JSON of a log.
-
-        Inputs are written a few at a time: each call keeps Python's global lock, and the event loop waiting.
-        """
-        ends = {"frame": log.frame, "inputs": [], "digest": log.digest}
-        rest = cls.model_validate({"format": FORMAT, **log.origin.record(), **ends}).model_dump_json()
-        before, empty, after = rest.encode().rpartition(b'"inputs":[]')
-        starts = range(0, len(log.inputs), _AT_ONCE)
-        parts = (_INPUTS.dump_json(list(log.inputs[start : start + _AT_ONCE]))[1:-1] for start in starts)
-        return before + empty[:-1] + b",".join(parts) + empty[-1:] + after
-
     def log(self, scene: Scene, most_frames: int, most_sketch_frames: int) -> SessionLog:
         """Return the log.
 
@@ -137,6 +126,25 @@ class LogBody(Strict):
         for place, one in enumerate(self.inputs):
             _check(one, f"body.log.inputs[{place}]", scene.dim, most_sketch_frames)
         return SessionLog(origin=origin, frame=self.frame, inputs=tuple(self.inputs), digest=self.digest)
+
+
+async def text_of(session: Session, turns: Turns) -> bytes:
+    """Return the log of a session as JSON; errors as `Session.log`.
+
+    Whatever is long is written once, however often the log is downloaded: the start, and the inputs by the
+    session, as they come.
+    """
+    log, inputs = await session.log()
+    start = _starts.get(session)
+    if start is None:
+        start = _starts[session] = await turns.run(lambda: _start_of(log))
+    return b'%b"frame":%d,"inputs":%b,"digest":"%b"}' % (start, log.frame, inputs, log.digest.encode())
+
+
+def _start_of(log: SessionLog) -> bytes:
+    """Return the JSON of a log before its frame."""
+    body = LogBody(format=FORMAT, **log.origin.record(), frame=0, inputs=[], digest=log.digest)
+    return body.model_dump_json().encode().rpartition(b'"frame":')[0]
 
 
 def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:

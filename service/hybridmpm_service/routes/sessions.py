@@ -6,7 +6,7 @@ from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
-from hybridmpm_service.http.logs import LogBody
+from hybridmpm_service.http.logs import LogBody, text_of
 from hybridmpm_service.http.replies import (
     NPZ,
     PLY,
@@ -59,9 +59,7 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
 @router.get("/{session_id}/log", response_model=LogBody, responses=problems(400, 404, 503))
 async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
     """Return the log of the session: scene, simulator and inputs since frame 0, to compute it again from."""
-    log = await sessions.get(session_id).log()
-    text = await sessions.turns.run(lambda: LogBody.text_of(log))
-    return Response(text, media_type="application/json")
+    return Response(await text_of(sessions.get(session_id), sessions.turns), media_type="application/json")
 
 
 @router.get("")

@@ -190,6 +190,8 @@ class PushInput(Strict):
 Input: TypeAlias = SketchInput | ReleaseInput | PushInput
 INPUT: TypeAdapter[Input] = TypeAdapter(Annotated[Input, Field(discriminator="kind")])
 """Reader of an input's JSON."""
+INPUTS: TypeAdapter[list[Input]] = TypeAdapter(list[Annotated[Input, Field(discriminator="kind")]])
+"""Writer of the JSON of several."""
 
 
 def _plain(record: Sketch | Push) -> dict[str, Any]:
