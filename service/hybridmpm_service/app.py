@@ -25,6 +25,7 @@ from hybridmpm_service.http.connection import (
 )
 from hybridmpm_service.http.door import Door
 from hybridmpm_service.http.requests import SketchRequest
+from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.jobs import JobTable
 from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
 from hybridmpm_service.routes.calls import Idempotency
@@ -66,6 +67,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     )
     app.state.settings = settings
     app.state.sessions = SessionManager(settings, clock)
+    app.state.rounds = Rounds()
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
@@ -84,6 +86,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         max_bytes=settings.max_body_bytes,
         operations=app.state.operations,
         draining=app.state.sessions.draining,
+        rounds=app.state.rounds,
     )
     if settings.cors_origins:
         app.add_middleware(

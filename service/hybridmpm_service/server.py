@@ -110,7 +110,7 @@ def with_files(settings: Settings) -> Settings:
         import resource  # noqa: PLC0415 - absent on some systems
     except ImportError:
         return settings
-    beside = _FILES + SURPLUS + 2 * settings.max_jobs
+    beside = _FILES + SURPLUS + _ACCEPTED + 2 * settings.max_jobs
     if settings.state_folder:
         beside += _FILES_OF_SESSION * settings.max_sessions
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -177,8 +177,8 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         # Frames do not compress, and commands are short.
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
-        ws=stream_protocol(app.state.settings),
-        http=request_protocol(app.state.settings),
+        ws=stream_protocol(app.state.settings, app.state.rounds),
+        http=request_protocol(app.state.settings, app.state.rounds),
         backlog=_ACCEPTED,
         # Sessions belong to this process, so there is only one.
         workers=1,

@@ -122,7 +122,7 @@ def test_importing_the_package_starts_nothing_and_reads_no_environment() -> None
 
 
 @pytest.mark.parametrize(
-    ("soft", "hard", "connections"), [(256, 4096, 1000), (1024, 1024, 700), (4096, 4096, 1000)]
+    ("soft", "hard", "connections"), [(256, 4096, 1000), (1024, 1024, 800), (4096, 4096, 1000)]
 )
 def test_connections_fit_the_files_of_the_process(
     monkeypatch: pytest.MonkeyPatch,

@@ -21,7 +21,9 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.frames import Frame
 
 from hybridmpm_service.http.problems import MEDIA_TYPE, RETRY_AFTER_SECONDS, of_status
+from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.sessions.player import Clock
+from hybridmpm_service.sessions.turns import Client
 from hybridmpm_service.settings import Settings
 
 _log = logging.getLogger(__name__)
@@ -164,6 +166,8 @@ _SURPLUS_SECONDS = 1.0
 """Longest time for a connection beyond the limit to send a request, which is refused."""
 _CLOSE_SECONDS = 1.0
 """Longest time for a client to confirm the end of its stream."""
+FIRST = "hybridmpm.first"
+"""Name in the state of a scope: whether it is of the first request of its connection."""
 SURPLUS = 32
 """Number of connections beyond the limit that get an answer."""
 _PARTS, _PART_BYTES = 64, 256
@@ -182,6 +186,7 @@ class RequestProtocol(H11Protocol):
     first request, and some more are closed at once.
     """
 
+    rounds: Rounds
     seconds: float
     send_seconds: float
     most: int
@@ -193,6 +198,7 @@ class RequestProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the deadline of a new connection."""
         super().connection_made(transport)
+        self.app_state = dict(self.app_state)
         self._surplus = len(self.connections) > self.most
         if len(self.connections) > self.most + SURPLUS:
             transport.abort()
@@ -209,7 +215,26 @@ class RequestProtocol(H11Protocol):
         self._expect()
 
     def data_received(self, data: bytes) -> None:
+        """Read a part of a request in its turn."""
+        is_first = self.cycle is None
+
+        def read() -> None:
+            if not self.transport.is_closing():
+                self.app_state[FIRST] = is_first
+                self._read_part(data)
+                if not self.flow.read_paused:
+                    self.transport.resume_reading()
+
+        if not self.rounds.do(_client(self.client, is_first=is_first), read):
+            self.transport.pause_reading()
+
+    def _read_part(self, data: bytes) -> None:
         """Read a part of a request; start or end its deadline."""
+        protocol = self.transport.get_protocol()
+        if protocol is not self:
+            # The connection has become a stream meanwhile.
+            protocol.data_received(data)
+            return
         if self._surplus:
             text = f"all {self.most} connections of this server are in use: close one, or try again later"
             self._refuse(503, text)
@@ -308,6 +333,12 @@ class RequestProtocol(H11Protocol):
         self.transport.close()
 
 
+def _client(peer: tuple[str, int] | None, *, is_first: bool) -> Client:
+    """Return the client of a connection from a peer, for its turns."""
+    host, port = peer or ("", 0)
+    return Client(host, 0 if is_first else port)
+
+
 class Throttle:
     """Token bucket that fills with `rate` tokens a second up to `burst`; a frame takes one for each KiB.
 
@@ -343,6 +374,7 @@ class StreamProtocol(WebSocketsSansIOProtocol):
     control frames, and reads that complete no frame.
     """
 
+    rounds: Rounds
     rate: float
     burst: int
 
@@ -353,11 +385,19 @@ class StreamProtocol(WebSocketsSansIOProtocol):
         self._flooded = False
 
     def data_received(self, data: bytes) -> None:
-        """Read some bytes, in pieces, so that none has frames for long; none after a flood."""
-        for start in range(0, len(data), _READ_BYTES):
-            if self._flooded:
+        """Read some bytes in turn, in pieces, so that none has frames for long; none after a flood."""
+
+        def read() -> None:
+            if self._flooded or self.transport.is_closing():
                 return
-            super().data_received(data[start : start + _READ_BYTES])
+            super(StreamProtocol, self).data_received(data[:_READ_BYTES])
+            if len(data) > _READ_BYTES:
+                self.data_received(data[_READ_BYTES:])
+            elif not self.read_paused:
+                self.transport.resume_reading()
+
+        if not self.rounds.do(_client(self.client, is_first=False), read):
+            self.transport.pause_reading()
 
     def handle_events(self) -> None:
         """Meter what was read, then handle it."""
@@ -396,9 +436,10 @@ class StreamProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
-def request_protocol(settings: Settings) -> type[RequestProtocol]:
+def request_protocol(settings: Settings, rounds: Rounds) -> type[RequestProtocol]:
     """Return the protocol of requests with the limits of some settings, for uvicorn's configuration."""
     limits = {
+        "rounds": rounds,
         "seconds": settings.request_seconds,
         "send_seconds": settings.send_seconds,
         "most": settings.max_connections,
@@ -406,7 +447,11 @@ def request_protocol(settings: Settings) -> type[RequestProtocol]:
     return type("RequestProtocol", (RequestProtocol,), limits)
 
 
-def stream_protocol(settings: Settings) -> type[StreamProtocol]:
+def stream_protocol(settings: Settings, rounds: Rounds) -> type[StreamProtocol]:
     """Return the protocol of streams with the limits of some settings, for uvicorn's configuration."""
-    limits = {"rate": settings.max_messages_per_second, "burst": settings.max_messages_at_once}
+    limits = {
+        "rounds": rounds,
+        "rate": settings.max_messages_per_second,
+        "burst": settings.max_messages_at_once,
+    }
     return type("StreamProtocol", (StreamProtocol,), limits)

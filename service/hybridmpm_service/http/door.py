@@ -17,8 +17,10 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hybridmpm_service.errors import ServiceError, UnavailableError, UnsupportedFormatError
+from hybridmpm_service.http.connection import FIRST
 from hybridmpm_service.http.problems import of_status, response_of
 from hybridmpm_service.http.requests import Values
+from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.sessions.turns import CLIENT, Client
 
 MAX_BODIES_BYTES = 1 << 26
@@ -44,13 +46,20 @@ class Door:
         All operations, for the methods of an address.
     draining : asyncio.Event
         Set once the server stops: nothing more is received then.
+    rounds : Rounds
+        Order of the pieces of answers.
     """
 
     def __init__(
-        self, app: ASGIApp, max_bytes: int, operations: Sequence[APIRoute], draining: asyncio.Event
+        self,
+        app: ASGIApp,
+        max_bytes: int,
+        operations: Sequence[APIRoute],
+        draining: asyncio.Event,
+        rounds: Rounds,
     ) -> None:
         self._app = app
-        self._draining = draining
+        self._draining, self._rounds = draining, rounds
         self._max_bytes = max_bytes
         self._operations = operations
         self._bodies = self._answers = 0
@@ -64,7 +73,7 @@ class Door:
             # Its messages are metered where they arrive: see `StreamProtocol`.
             await self._app(scope, receive, send)
             return
-        answer = _Answer(scope, send, self._reserve)
+        answer = _Answer(scope, send, self._reserve, self._rounds)
         body = bytearray()
         try:
             refusal = self._options(scope)
@@ -200,9 +209,10 @@ class Door:
 class _Answer:
     """One answer on its way to the client."""
 
-    def __init__(self, scope: Scope, send: Send, reserve: Callable[[int], bool]) -> None:
-        self._scope, self._send, self._reserve = scope, send, reserve
+    def __init__(self, scope: Scope, send: Send, reserve: Callable[[int], bool], rounds: Rounds) -> None:
+        self._scope, self._send, self._reserve, self._rounds = scope, send, reserve, rounds
         self._start: Message | None = None
+        self._begun = False
         self.reserved = 0
         """Memory that it takes [bytes]."""
         self.complete = False
@@ -233,14 +243,22 @@ class _Answer:
                 self.on_end()
             return
         for start in range(0, max(1, len(body)), _PIECE_BYTES):
+            if self._begun:
+                await self._rounds.turn(CLIENT.get())
+            self._begun = True
             piece, rest = body[start : start + _PIECE_BYTES], start + _PIECE_BYTES < len(body)
             await self._send({"type": "http.response.body", "body": piece, "more_body": more or rest})
         self.complete = self.complete or not more
 
 
 def client_of(scope: Scope) -> Client:
-    """Return the client of a request: its address, in IPv6 its network, and its connection."""
+    """Return the client of a request: its address, in IPv6 its network, and its connection.
+
+    Connections of an address that have sent no request before count as one.
+    """
     host, port = scope.get("client") or ("", 0)
+    if scope.get("state", {}).get(FIRST):
+        port = 0
     try:
         address = ipaddress.ip_address(host)
     except ValueError:

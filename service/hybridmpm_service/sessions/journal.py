@@ -155,7 +155,7 @@ class Journal:
     def fork(self) -> "Journal":
         """Return a journal of a copy of the simulation, without a file."""
         twin = Journal(self._inputs, complete=self._complete, sketches=self.sketches)
-        twin._blocks = list(self._blocks)  # noqa: SLF001 - of this very class
+        twin._blocks = list(self._blocks)
         return twin
 
     def keep_in(self, file: SessionFile, computed_seconds: float = 0.0) -> None:
