@@ -230,9 +230,8 @@ class RequestProtocol(H11Protocol):
 
     def _read_part(self, data: bytes) -> None:
         """Read a part of a request; start or end its deadline."""
-        protocol = self.transport.get_protocol()
-        if protocol is not self:
-            # The connection has become a stream meanwhile.
+        if isinstance(protocol := self.transport.get_protocol(), StreamProtocol):
+            # The connection has become one meanwhile.
             protocol.data_received(data)
             return
         if self._surplus:

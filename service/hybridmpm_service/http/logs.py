@@ -143,7 +143,8 @@ async def text_of(session: Session, turns: Turns) -> bytes:
 
 def _start_of(log: SessionLog) -> bytes:
     """Return the JSON of a log before its frame."""
-    body = LogBody(format=FORMAT, **log.origin.record(), frame=0, inputs=[], digest=log.digest)
+    ends = {"frame": 0, "inputs": [], "digest": log.digest}
+    body = LogBody.model_validate({"format": FORMAT, **log.origin.record(), **ends})
     return body.model_dump_json().encode().rpartition(b'"frame":')[0]
 
 

@@ -63,7 +63,7 @@ class Rounds:
         """Return the first piece of the client whose turn it is; its next turn comes after all others."""
         connections = _rotated(self._waiting)
         pieces = _rotated(connections)
-        work = pieces.popleft()
+        work: Callable[[], object] = pieces.popleft()
         if not pieces:
             connections.popitem()
         if not connections:
