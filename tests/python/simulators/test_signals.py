@@ -173,7 +173,7 @@ def test_a_signal_while_handlers_are_given_back_leaves_none_behind(monkeypatch: 
     before = give(signal.SIGTERM, lambda number, _frame: heard.append(number))
     try:
         with monkeypatch.context() as patch:
-            patch.setattr(signals.signal, "signal", give_and_press)
+            patch.setattr(signal, "signal", give_and_press)
             with pytest.raises(KeyboardInterrupt), signals.whole():
                 pass
         signal.raise_signal(signal.SIGTERM)
