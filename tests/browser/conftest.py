@@ -25,6 +25,8 @@ CHROMIUM_FLAGS = [
 VIEWPORT: ViewportSize = {"width": 1100, "height": 740}
 """The page in its wide layout, stage and tools in sight; without a graphics card every pixel takes time."""
 LIVE = "body.state === 'live' && Number(body.frame) > 0"
+WIDTHS = [1100, pytest.param(390, marks=pytest.mark.long)]
+"""Widths of panels that have one layout; those that a phone arranges otherwise are tested at both."""
 PATIENCE_MS = 60_000
 """Longest wait of a test for something that has to happen; a loaded machine may draw one picture a second."""
 expect.set_options(timeout=PATIENCE_MS)

@@ -58,7 +58,9 @@ def test_an_address_with_a_scene_has_no_ghost_hand(open_page: Open) -> None:
     assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
 
 
-@pytest.mark.parametrize("query", ["renderer=canvas2d", "renderer=canvas2d&scenario=sand_2d"])
+@pytest.mark.parametrize(
+    "query", ["renderer=canvas2d", pytest.param("renderer=canvas2d&scenario=sand_2d", marks=pytest.mark.long)]
+)
 def test_where_motion_is_reduced_nothing_starts_by_itself(open_page: Open, query: str) -> None:
     def reduce_motion(page: Page) -> None:
         page.emulate_media(reduced_motion="reduce")

@@ -103,7 +103,7 @@ def test_3d_scene_is_drawn_and_turns_under_the_mouse(open_page: Open, renderer: 
     assert visit.value("control") == "idle"
 
 
-@pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
+@pytest.mark.parametrize("renderer", ["webgl2", pytest.param("canvas2d", marks=pytest.mark.long)])
 def test_particles_that_come_and_go_are_drawn(open_page: Open, service: LiveService, renderer: str) -> None:
     scene = {
         "dim": 2,
@@ -154,7 +154,7 @@ def _is_gone(service: LiveService, session: str) -> bool:
     return httpx.get(f"{service.url}/v1/sessions/{session}").status_code == httpx.codes.NOT_FOUND
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_a_moving_obstacle_is_seen_moving(open_page: Open, service: LiveService, dim: int) -> None:
     start, speed = (0.3, 0.7, 0.5)[:dim], 1.0
     scene = {

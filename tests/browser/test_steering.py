@@ -33,7 +33,7 @@ def _angle(a: list[float], b: list[float]) -> float:
     return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 
 
-@pytest.mark.parametrize("arrow", [(0.14, 0.16), (-0.12, 0.2)])
+@pytest.mark.parametrize("arrow", [(0.14, 0.16), pytest.param((-0.12, 0.2), marks=pytest.mark.long)])
 def test_fluid_follows_an_arrow(open_page: Open, service: LiveService, arrow: tuple[float, float]) -> None:
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     start = service.get(f"/v1/sessions/{visit.session}")
@@ -135,7 +135,7 @@ def test_a_drag_pushes_the_fluid_as_long_as_it_is_held(open_page: Open, service:
     assert (session["control"], visit.value("control")) == (None, "idle")
 
 
-@pytest.mark.parametrize("points", [16, 19])
+@pytest.mark.parametrize("points", [pytest.param(16, marks=pytest.mark.long), 19])
 def test_an_oval_may_be_traced_with_the_oval_tool(open_page: Open, points: int) -> None:
     """Once round, and 70 degrees beyond."""
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)

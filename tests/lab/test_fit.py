@@ -89,6 +89,7 @@ def test_a_search_comes_near_to_the_least_objective_and_keeps_better_constants(
         assert (again == known) == stays
 
 
+@pytest.mark.long
 def test_without_trials_the_levels_of_a_table_are_measured_anew(folder: Path, tmp_path: Path) -> None:
     fit(folder, 1)
     file = tmp_path / "levels.json"
@@ -105,6 +106,7 @@ def test_without_trials_the_levels_of_a_table_are_measured_anew(folder: Path, tm
     assert not list(tmp_path.glob("*.jsonl"))
 
 
+@pytest.mark.long
 def test_a_file_of_another_search_is_refused(folder: Path) -> None:
     fit(folder, 2)
     with pytest.raises(ConfigError, match="has rows with scenes"):

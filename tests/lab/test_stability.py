@@ -159,6 +159,7 @@ def test_every_stress_has_three_trials_of_valid_scenes() -> None:
     assert {method for stress in STRESSES.values() for method in stress.methods} == set(METHODS)
 
 
+@pytest.mark.long
 def test_the_command_resumes_its_file_and_draws_the_map(tmp_path: Path) -> None:
     runs, rows_file, picture = tmp_path / "runs", tmp_path / "rows.json", tmp_path / "map.svg"
     command = ["stability", "--stress", "one particle", "--runs", str(runs)]

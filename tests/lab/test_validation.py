@@ -40,12 +40,23 @@ LONGER: dict[str, Callable[[], Result]] = {
 """Cases at full length whose short form leaves much out, or that the default tests sample."""
 
 
+SLOW = ("column_collapse", "poured_heap", "rotation", "round_columns")
+"""Cases whose short form takes three seconds or more."""
+
+
 @cache
 def checks(name: str) -> tuple[Check, ...]:
     return tuple(SHORTER.get(name, CASES[name])().checks)
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name != "stability_limit"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.long] if name in SLOW else [])
+        for name in CASES
+        if name != "stability_limit"
+    ],
+)
 def test_case(name: str) -> None:
     assert any(check.verdict == "pass" for check in checks(name))
     assert [check for check in checks(name) if check.verdict == "FAIL"] == []

@@ -26,8 +26,14 @@ def _violations(visit: Visit) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("width", [1100, 390])
-@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (1100, "dark"),
+        (390, "light"),
+        *(pytest.param(*other, marks=pytest.mark.long) for other in [(1100, "light"), (390, "dark")]),
+    ],
+)
 def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, scheme: str) -> None:
     visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844}, until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")

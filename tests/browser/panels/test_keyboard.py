@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LIVE, WIDTHS, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -28,7 +28,7 @@ def _draw(visit: Visit, *keys: str) -> None:
     visit.page.keyboard.press("Enter")
 
 
-@pytest.mark.parametrize("width", [1100, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_an_arrow_and_an_oval_are_drawn(open_page: Open, service: LiveService, width: int) -> None:
     visit = _on_stage(open_page, viewport={"width": width, "height": 844})
     for tool, kind in (("a", "arrow"), ("o", "ellipse")):

@@ -2,7 +2,7 @@
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LIVE, WIDTHS, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -30,8 +30,8 @@ def _hues(visit: Visit) -> dict[str, int]:
     return found
 
 
-@pytest.mark.parametrize("width", [1100, 390])
-@pytest.mark.parametrize("scenario", ["sand_2d", "sand_3d"])
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("scenario", ["sand_2d", pytest.param("sand_3d", marks=pytest.mark.long)])
 def test_particles_are_coloured_by_what_is_chosen(
     open_page: Open, service: LiveService, scenario: str, width: int
 ) -> None:
@@ -65,7 +65,7 @@ def test_particles_are_coloured_by_what_is_chosen(
     assert visit.page.evaluate("document.documentElement.scrollWidth") == width
 
 
-@pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
+@pytest.mark.parametrize("scenario", [pytest.param("water_2d", marks=pytest.mark.long), "water_3d"])
 def test_webgl_has_the_same_scale(open_page: Open, service: LiveService, scenario: str) -> None:
     visit = open_page(f"renderer=webgl2&scenario={scenario}&seed=3&coarse=1%2F16&colour=speed")
     visit.wait_for("body.state === 'live' && body.renderer === 'webgl2'")

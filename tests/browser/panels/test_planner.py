@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from PIL import Image
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LIVE, WIDTHS, LiveService, Open, Visit
 
 import hybridmpm_service
 from hybridmpm import MpmSolver, Scene, check
@@ -26,7 +26,7 @@ def _planner(open_page: Open, **options: Any) -> Visit:
     return visit
 
 
-@pytest.mark.parametrize("width", [1100, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_it_finds_a_method_within_a_time_and_uses_it(
     open_page: Open, service: LiveService, width: int
 ) -> None:
@@ -97,7 +97,7 @@ def test_a_scene_runs_and_has_a_picture(name: str) -> None:
         assert picture.width >= 150
 
 
-@pytest.mark.parametrize("width", [1100, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int) -> None:
     visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
     visit.wait_for(LIVE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LIVE, WIDTHS, LiveService, Open, Visit
 
 from hybridmpm import MpmSolver, Scene
 
@@ -50,7 +50,7 @@ def _saved(visit: Visit, name: str, folder: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("width", [1100, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, width: int) -> None:
     visit = _paused(open_page, service, viewport={"width": width, "height": 844})
     link = _copied(visit, "Copy link")
@@ -129,7 +129,7 @@ def test_a_fork_goes_on_by_itself(open_page: Open, service: LiveService) -> None
     httpx.delete(f"{service.url}/v1/sessions/{fork}").raise_for_status()
 
 
-@pytest.mark.parametrize("width", [1100, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveService, width: int) -> None:
     player = _paused(open_page, service)
     link = _copied(player, "Viewer link")

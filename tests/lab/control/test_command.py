@@ -98,6 +98,7 @@ def settings(*methods: str, seeds: int = 1) -> ControlSettings:
     return ControlSettings(family=("gather",), scenario=("water_2d",), seeds=seeds, method=methods)
 
 
+@pytest.mark.long
 def test_an_interrupted_command_resumes_and_ends_with_the_same_rows(tmp_path: Path) -> None:
     file, both = tmp_path / "runs.jsonl", settings("constant", "filled", seeds=2)
     left = [2]

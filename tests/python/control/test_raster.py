@@ -61,7 +61,7 @@ def _degrees_between(a: Floats, b: Floats) -> float:
     return float(np.degrees(np.arccos(min(cosine, 1.0))))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(straight(60))
 def test_an_arrow_comes_back(points: Floats) -> None:
     read = parse_png(render_png(Arrow(points)))
@@ -69,7 +69,7 @@ def test_an_arrow_comes_back(points: Floats) -> None:
     np.testing.assert_allclose(read.points[[0, -1]], points, atol=1.5 * PIXEL)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(straight(130), width, width)
 def test_the_depth_of_an_arrow_comes_back(points: Floats, start: float, end: float) -> None:
     read = parse_png(render_png(Arrow(points, np.array([start, end]))))
@@ -79,7 +79,7 @@ def test_the_depth_of_an_arrow_comes_back(points: Floats, start: float, end: flo
     np.testing.assert_allclose(read.widths[[0, -1]], [start, end], atol=DEPTH)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(bent())
 # Thick lines that come in thin: much of the small head counted as line, and was lost. The tip of the second
 # was taken for a round end, 3.7 pixels behind the point.
@@ -106,7 +106,7 @@ def test_a_bent_arrow_comes_back_with_its_bends_and_depths(drawn: Arrow) -> None
     assert max(there, back) < 3 * PIXEL
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(ellipses())
 def test_an_ellipse_comes_back(drawn: Ellipse) -> None:
     read = parse_png(render_png(drawn))
@@ -279,7 +279,7 @@ def test_what_shows_no_sketch_is_refused(make: Callable[[], bytes], message: str
         parse_png(make())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(2, 8),

@@ -230,7 +230,7 @@ def assert_batch_is_single(seeds: range, frames: int, most_particles: int) -> No
         assert one.snapshot() == other.snapshot(), f"seed {seed}"
 
 
-@pytest.mark.parametrize("first", range(0, 50, 10))
+@pytest.mark.parametrize("first", range(0, 30, 10))
 def test_random_scenes_run(first: int) -> None:
     assert_all_survive(range(first, first + 10), frames=400, most_particles=800)
 
@@ -240,7 +240,7 @@ def test_bits_of_small_scenes(seed: int) -> None:
     assert_bits_survive(seed, frames=60, most_particles=600)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_bits_of_scenes_that_threads_share(seed: int) -> None:
     assert_bits_survive(seed, frames=12, most_particles=30_000, least_particles=PARALLEL_FROM)
 

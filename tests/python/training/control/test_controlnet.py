@@ -156,6 +156,7 @@ def _trainer(steps: int) -> ControlNetTrainer:
     )
 
 
+@pytest.mark.long
 def test_it_learns_that_the_sketch_tells_where_to() -> None:
     trainer, made = _trainer(120), [_case(seed) for seed in range(4)]
     others = made[1:] + made[:1]
