@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hybridmpm._support.networks import Network, cached
+from hybridmpm._support.networks import Network, ServedNetwork, cached
 from hybridmpm.control.methods.method import FallBack
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scenarios.trained_on import TrainedOn
@@ -22,14 +22,19 @@ def serving(kind: type[Network], name: str | None, scene: Scene) -> Network:
     """
     reasons = []
     try:
-        for one in kind.FOLDER.entries() if name is None else [name]:
+        for one in _of_dimension(kind, scene.dim) if name is None else [name]:
             network: Any = cached(kind, one)
             if (reason := why_foreign(scene, network.spec.trained_on)) is None:
                 return network  # type: ignore[no-any-return]
             reasons.append(f"{one} cannot serve this scene: {reason}")
     except (DataError, ConfigError) as error:
         raise FallBack(f"there is no network: {error}") from error
-    raise FallBack("; ".join(reasons) or "no network comes with this library")
+    raise FallBack("; ".join(reasons) or f"no network in {scene.dim}D comes with this library")
+
+
+def _of_dimension(kind: type[ServedNetwork], dim: int) -> list[str]:
+    """Return the names of the library's networks for a dimension, without loading any."""
+    return [name for name, entry in kind.FOLDER.entries().items() if entry.get("dim") == dim]
 
 
 def why_foreign(scene: Scene, trained: TrainedOn) -> str | None:

@@ -80,6 +80,7 @@ def export_controlnet(path: Path) -> Exported:
             "answers": "the accelerations of control nodes in a frame, given a sketch",
             "parameters": str(count),
         },
+        entry={"dim": trainer.spec.dim},
         errors="See `docs/results/control.md`, method `controlnet`.",
     )
 

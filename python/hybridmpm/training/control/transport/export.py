@@ -39,6 +39,7 @@ def export_transport(path: Path) -> Exported:
             "answers": "where each particle of a fluid may have come from, given an oval or an arrow",
             "parameters": str(count),
         },
+        entry={"dim": trainer.spec.dim},
         errors="See `docs/results/control.md`, method `learned`.",
     )
 
