@@ -284,7 +284,7 @@ def prepare(
     if frames is None and needs.frames > longest:
         needs = goal.needs(longest, largest)
     frames = needs.frames
-    planner, reason = chosen(method)
+    planner, reason = chosen(method, simulator.scene, goal)
     blocked = any(one.reason in ("wall", "obstacle") for one in needs.obstructions)
     hurried = needs.acceleration > _STRAIN * largest
     if gentle and isinstance(method, str) and (blocked or hurried):

@@ -12,7 +12,7 @@ import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } fro
 import { asCoarse, chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
-import { PIPELINE, Presenter, WELCOME } from "./presets.js";
+import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
 import { Hand } from "./sketch/hand.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
@@ -272,7 +272,9 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   for (const [name, value] of Object.entries(shown.chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
   }
-  if (itsPreset === PIPELINE) address.searchParams.set("preset", "pipeline");
+  for (const [name, preset] of PIPELINES) {
+    if (itsPreset === preset) address.searchParams.set("preset", name);
+  }
   window.history.replaceState(null, "", address);
   presenter.set(itsPreset);
   setWatching(false);
@@ -399,7 +401,9 @@ document.getElementById("share-file").addEventListener("change", async ({ target
 bindToolPanel((wanted) => {
   forces.wanted = wanted;
 });
-document.getElementById("pipeline").addEventListener("click", () => startScene(PIPELINE.scene, { itsPreset: PIPELINE }));
+for (const [id, preset] of PIPELINES) {
+  document.getElementById(id).addEventListener("click", () => startScene(preset.scene, { itsPreset: preset }));
+}
 for (const kind of ["pointerdown", "keydown", "wheel"]) {
   document.addEventListener(kind, () => presenter.interrupt(), { capture: true, passive: true });
 }
@@ -417,6 +421,7 @@ const modelsKnown = request("GET", "/v1/models").then(
 modelsKnown.then(() => {
   showChoice(shown.chosen);
   document.getElementById("preset").hidden = solverFor(PIPELINE.scene.scenario) === "mpm";
+  document.getElementById("pipeline-3d").hidden = solverFor(PIPELINE_3D.scene.scenario) === "mpm";
 });
 /** Begin with the scene in the address. Where motion is to be reduced, nothing plays by itself. */
 function begin() {
@@ -432,8 +437,9 @@ function begin() {
   const hasAny = (...names) => names.some((name) => query.has(name));
   if (hasLog(window.location.hash)) {
     openLink(window.location.hash);
-  } else if (query.get("preset") === "pipeline") {
-    modelsKnown.then(() => startScene(PIPELINE.scene, { itsPreset: PIPELINE, plays }));
+  } else if (PIPELINES.has(query.get("preset"))) {
+    const preset = PIPELINES.get(query.get("preset"));
+    modelsKnown.then(() => startScene(preset.scene, { itsPreset: preset, plays }));
   } else if (query.has("watch")) {
     setWatching(true);
     session.attach(query.get("watch"), { watches: true });

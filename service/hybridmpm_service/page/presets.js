@@ -18,6 +18,18 @@ export const PIPELINE = {
   repeats: true,
 };
 
+/** The same in 3D, where a learned plan leads the water. */
+export const PIPELINE_3D = {
+  ...PIPELINE,
+  scene: { scenario: "water_3d", seed: 10, solver: "hybrid" },
+};
+
+/** Presets by their name in the address. */
+export const PIPELINES = new Map([
+  ["pipeline", PIPELINE],
+  ["pipeline-3d", PIPELINE_3D],
+]);
+
 export const WELCOME = {
   scene: { scenario: "water_2d", seed: 0, solver: "mpm", coarse: null },
   frame: 110,

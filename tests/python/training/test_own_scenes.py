@@ -1,7 +1,10 @@
 """Networks of one's own: trained on a scene file or a data set, exported, and used on that very scene."""
 
 import json
+import os
 import signal
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,7 @@ import yaml
 from click.testing import CliRunner, Result
 
 from hybridmpm import HybridSimulator, NeuralPhysics, Scene, data, scenarios
+from hybridmpm._support.signals import TerminatedError, raising_at_end
 from hybridmpm.cli import cli
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.train.common import sources_of
@@ -21,6 +25,9 @@ from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.scenarios.trained_on import TrainedOn
 from hybridmpm.training import run
+from hybridmpm.training.control import scene_files
+from hybridmpm.training.control.controlnet import cases
+from hybridmpm.training.control.controlnet.trainer import ControlNetTrainer
 from hybridmpm.training.control.pasts import Past, read_examples
 from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.control.transport.windows import check_frame, check_pasts, drawn
@@ -42,7 +49,7 @@ OWN: dict[str, Any] = {
     ],
     "obstacles": [{"shape": "box", "lower": [0.6, 0.0], "upper": [0.8, 0.15]}],
 }
-TINY = ("--steps", 2, "--batch", 1, "--threads", 1, "--device", "cpu")
+TINY = ("--steps", 2, "--batch", 1, "--threads", 1)
 PHYSICS = ("--latent", 1, "--layers", 1, "--grid-cells", 0, "--unroll", 1)
 
 
@@ -51,7 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the scene file `own.yaml` and a data set of its examples of control."""
     made = tmp_path_factory.mktemp("own")
     (made / "own.yaml").write_text(yaml.safe_dump(OWN))
-    few = ("--trajectories", 2, "--valid", 1, "--test", 0, "--frames", 80, "--substeps", "cfl")
+    few = ("--trajectories", 2, "--valid", 1, "--test", 0, "--frames", 100, "--substeps", "cfl")
     source = ("--scene", made / "own.yaml", "--out", made / "examples")
     result = invoke("dataset", "generate", "--control", *source, *few)
     assert result.exit_code == 0, result.output
@@ -65,7 +72,7 @@ def invoke(*arguments: object) -> Result:
 def trained(folder: Path, kind: str, *arguments: object) -> Path:
     """Return the checkpoint of a training of two steps that was interrupted after the first."""
     out = folder / f"{kind}-run"
-    for more in ((*TINY, "--until", 1), ("--threads", 1, "--device", "cpu")):
+    for more in ((*TINY, "--until", 1), ("--threads", 1)):
         result = invoke("train", kind, *arguments, *more, "--out", out)
         assert result.exit_code == 0, result.output
     return out / "checkpoint.pt"
@@ -91,12 +98,46 @@ def test_control_of_a_data_set_serves_that_scene(folder: Path) -> None:
     """An export keeps the description: test_transport.py."""
     checkpoint = trained(folder, "control", "--dataset", folder / "examples", "--width", 4)
     spec = TransportTrainer.load(checkpoint, torch.device("cpu")).spec
-    assert spec.shortest == spec.longest == pytest.approx(0.2)
+    assert spec.shortest == spec.longest == pytest.approx(0.25)
     scene = data.SceneTemplate.load(folder / "own.yaml").draw(1_200_000)
     assert why_foreign(scene, spec.trained_on) is None
     assert why_foreign(scenarios.water_2d(), spec.trained_on) == "it is trained in another box"
     assert "examples" not in spec.scenarios[0]
     assert spec.scenarios[0].startswith("step ")
+
+
+def test_controlnet_of_a_data_set_learns_its_examples(folder: Path) -> None:
+    checkpoint = trained(folder, "controlnet", "--dataset", folder / "examples", "--latent", 4, "--layers", 1)
+    assert ControlNetTrainer.load(checkpoint).spec.trained_on.obstacles
+    source = DataSet(folder / "examples")
+    past, case = next(read_examples(source, "train")), cases.read(folder, source, range(0), "train")[0]
+    for found, where in ((case.x, past.positions(1)), (case.end, past.positions(0))):
+        # Nodes are of nearly equal mass.
+        np.testing.assert_allclose(found.mean(axis=0), where.mean(axis=0), atol=2e-3)
+    assert case.is_arrow is (past.sketch is not None and past.sketch.kind == "arrow")
+    assert case.picture.any()
+    with pytest.raises(DataError, match=r"of 100 frames, got 80: make them by .* --frames 100"):
+        cases.of_example(replace(past, stride=80))
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_data_are_made_leaves_whole_files(tmp_path: Path, kind: signal.Signals) -> None:
+    """The fifth scene is sent a signal; the others do not begin, and the same call makes them."""
+    source, made = Drawn(scenario="water_2d"), []
+
+    def make(_scene: Scene, seed: int) -> dict[str, np.ndarray[Any, Any]]:
+        made.append(seed)
+        if len(made) == 5:
+            os.kill(os.getpid(), kind)
+        time.sleep(0.05)
+        return {"seed": np.array(seed)}
+
+    with pytest.raises((KeyboardInterrupt, TerminatedError)), raising_at_end():
+        scene_files.prepare(tmp_path, source, range(100), make)
+    assert len(made) < 50
+    assert sorted(int(file.stem) for file in (tmp_path / "water_2d").iterdir()) == sorted(made)
+    scene_files.prepare(tmp_path, source, range(8), make)
+    assert [seed for seed, _ in scene_files.read(tmp_path, source, range(8), ("seed",))] == list(range(8))
 
 
 def test_examples_of_control_lead_back_to_their_target(folder: Path) -> None:
@@ -107,9 +148,9 @@ def test_examples_of_control_lead_back_to_their_target(folder: Path) -> None:
     fluid = trajectory.types != 3
     np.testing.assert_allclose(pasts[0].positions(0), trajectory.control.target[fluid], atol=2e-5)
     np.testing.assert_allclose(pasts[0].positions(1), trajectory.positions[0, fluid], atol=2e-5)
-    check_pasts(pasts, shortest=0.2, longest=0.2)
-    sample = drawn(np.random.default_rng(0), pasts, shortest=0.2, longest=0.2)
-    assert sample.aim.seconds == pytest.approx(0.2)
+    check_pasts(pasts, shortest=0.25, longest=0.25)
+    sample = drawn(np.random.default_rng(0), pasts, shortest=0.25, longest=0.25)
+    assert sample.aim.seconds == pytest.approx(0.25)
     ends = [past.positions(0) for past in pasts]
     assert any(end.shape == sample.end.shape and np.array_equal(end, sample.end) for end in ends), (
         "not mirrored"
@@ -128,6 +169,7 @@ def test_what_a_data_set_lacks_is_named(folder: Path, tmp_path: Path) -> None:
         ("physics", tmp_path / "empty", "holds no split of any known format"),
         ("physics", bare, "comes without its scene, which gives walls, gravity and materials"),
         ("control", plain, "is no example of control; make a data set of such by"),
+        ("controlnet", plain, "is no example of control; make a data set of such by"),
     ]
     for kind, place, message in cases:
         result = invoke("train", kind, "--dataset", place, *TINY, "--out", tmp_path / kind)

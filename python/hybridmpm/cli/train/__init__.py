@@ -2,6 +2,7 @@
 
 import click
 
+from hybridmpm._support import signals
 from hybridmpm.cli.train.control import control
 from hybridmpm.cli.train.controlnet import controlnet
 from hybridmpm.cli.train.physics import physics
@@ -10,8 +11,10 @@ __all__ = ["train"]
 
 
 @click.group()
-def train() -> None:
+@click.pass_context
+def train(ctx: click.Context) -> None:
     """Train networks. This needs torch: pip install 'hybridmpm[train]'."""
+    ctx.with_resource(signals.raising_at_end())
 
 
 train.add_command(control)

@@ -192,7 +192,7 @@ def sources_of(options: Mapping[str, Any], older: Any = None) -> "list[Source]":
 
     found: list[Source] = [Drawn(scenario=name) for name in options["names"]]
     found += [Drawn(template=SceneTemplate.load(file)) for file in options["files"]]
-    found += [DataSet(folder) for folder in options.get("folders", ())]
+    found += [DataSet(folder) for folder in options["folders"]]
     if found:
         return found
     if older is not None and older.scenes is None:
@@ -202,10 +202,10 @@ def sources_of(options: Mapping[str, Any], older: Any = None) -> "list[Source]":
             f"The network was trained on {', '.join(older.scenarios)}: give their --scene or --dataset "
             "again, or others."
         )
-    ways = (
-        "--scenario, --scene FILE or --dataset DIR" if "folders" in options else "--scenario or --scene FILE"
+    raise click.UsageError(
+        "Give at least one --scenario, --scene FILE or --dataset DIR. Scenarios are "
+        f"{', '.join(scenarios.NAMES)}."
     )
-    raise click.UsageError(f"Give at least one {ways}. Scenarios are {', '.join(scenarios.NAMES)}.")
 
 
 def splits_of(options: Mapping[str, Any]) -> tuple[range, range]:

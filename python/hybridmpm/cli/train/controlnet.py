@@ -8,6 +8,7 @@ import click
 
 from hybridmpm.cli.train.common import (
     continued,
+    dataset_option,
     make_missing,
     origin_of,
     run_shown,
@@ -42,14 +43,16 @@ _NODE_RADIUS = {2: 0.06, 3: 0.15}
     click.option(
         "--layers", type=click.IntRange(1, 64), default=4, show_default=True, help="Message-passing layers."
     ),
+    dataset_option,
 )
 @click.pass_context
 def controlnet(ctx: click.Context, /, *, threads: int | None, **options: Any) -> None:
     """Train the network of the control method "controlnet", on the CPU.
 
     It learns the forces that lead a fluid back to where it was 100 frames before, given a sketch of that
-    state. After an interruption the same command continues from the last checkpoint in the folder --out, and
-    gives the weights of an uninterrupted run. The folder also gets the losses, and errors on held-out scenes.
+    state. A data set must be one of `hybridmpm dataset generate --control`, with 100 frames. After an
+    interruption the same command continues from the last checkpoint in the folder --out, and gives the
+    weights of an uninterrupted run. The folder also gets the losses, and errors on held-out scenes.
     """
     device = torch_device("cpu", threads)
     from hybridmpm.training.control.controlnet import cases  # noqa: PLC0415 - needs torch
@@ -63,11 +66,12 @@ def controlnet(ctx: click.Context, /, *, threads: int | None, **options: Any) ->
     trainer = continued(ctx, ControlNetTrainer.load)
     older = None if trainer or options["finetune"] is None else ControlNetTrainer.load(options["finetune"])
     before = trainer or older
-    sources = [one for one in sources_of(options, before and before.spec) if isinstance(one, Drawn)]
+    sources = sources_of(options, before and before.spec)
     scenes = described(sources)
-    make_missing(root, sources, (training, validation), cases.prepare)
-    found = [case for source in sources for case in cases.read(root, source, training)]
-    held_out = {source.label: cases.read(root, source, validation) for source in sources}
+    drawn = [source for source in sources if isinstance(source, Drawn)]
+    make_missing(root, drawn, (training, validation), cases.prepare)
+    found = [case for source in sources for case in cases.read(root, source, training, "train")]
+    held_out = {source.label: cases.read(root, source, validation, "valid") for source in sources}
     trainer = trainer or _new(scenes, options, found, older)
     run_shown(
         trainer,
@@ -75,7 +79,9 @@ def controlnet(ctx: click.Context, /, *, threads: int | None, **options: Any) ->
         step=partial(trainer.step, found),
         validate=partial(log_unexplained, trainer, options["out"], held_out),
         device=device,
-        data=f"{len(found)} reversed cases of {len(training)} scenes of each of {', '.join(held_out)}",
+        data=f"{len(found)} reversed cases of {len(training)} scenes of each of {', '.join(held_out)}"
+        if drawn
+        else f"{len(found)} examples of {', '.join(held_out)}",
         before=origin_of(options["finetune"]),
     )
 

@@ -157,6 +157,11 @@ class Goal:
         depth = self.room.upper[2] - self.room.lower[2]
         return max(1.0, float(np.sqrt(self.cloud.volume / (np.pi * drawn.axes[0] * drawn.axes[1] * depth))))
 
+    @property
+    def is_torn(self) -> bool:
+        """Whether the fluid, to fill the goal evenly, is thinned to less than half of its density."""
+        return self.region is not None and self.region.volume > _THIN * self.cloud.volume
+
     def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
         """Return which points (N, D) lie in the goal; (N,), None where the fluid keeps its shape.
 
@@ -223,7 +228,7 @@ class Goal:
             found.append("elastic bodies keep their shape and will not fill the oval")
         if self.drawn is not None and self.region is not None:
             spread = self.region.volume / self.cloud.volume
-            if spread > _THIN:
+            if self.is_torn:
                 text = f"the oval has {spread:.1f} times the fluid's volume, which tears it"
                 found.append(f'{text}: fill="shrink" keeps it whole')
         return found

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import data
 from hybridmpm.coarse.merging import spacing_at
+from hybridmpm.control import Sketch
 from hybridmpm.control.methods.learned.features import State
 from hybridmpm.errors import DataError
 from hybridmpm.mpm import MpmSolver
@@ -45,6 +46,8 @@ class Past:
     """Frames from one state to the next."""
     r_p: float = 1.0
     """Number of particles over that of the scene."""
+    sketch: Sketch | None = None
+    """Sketch of an example of control; None for a run, on which any may be drawn."""
 
     @property
     def seconds(self) -> float:
@@ -108,6 +111,7 @@ class Past:
             sand=trajectory.types[moving] == SAND,
             stride=stride,
             r_p=r_p,
+            sketch=control.sketch,
         )
 
     def positions(self, index: int) -> npt.NDArray[np.float64]:

@@ -56,8 +56,11 @@ def prepare(
 
     todo = [seed for seed in seeds if not _file(folder, seed).exists()]
     with ThreadPoolExecutor(usable_cores()) as pool:
-        for _ in pool.map(one, todo):
-            on_progress(1)
+        try:
+            for _ in pool.map(one, todo):
+                on_progress(1)
+        finally:
+            pool.shutdown(cancel_futures=True)  # after a signal, no other scene begins
 
 
 def missing(root: Path, source: Drawn, seeds: Sequence[int]) -> int:

@@ -353,7 +353,7 @@ def test_the_command_trains_and_the_export_is_published(
 
 def test_cases_lead_back_to_where_the_fluid_was(tmp_path: Path) -> None:
     cases.prepare(tmp_path, Drawn(scenario="water_2d"), range(1))
-    found = cases.read(tmp_path, Drawn(scenario="water_2d"), range(1))
+    found = cases.read(tmp_path, Drawn(scenario="water_2d"), range(1), "train")
     assert 1 <= len(found) <= 4
     past = Past.simulated(scenarios.get("water_2d", 0))
     gone = [past.positions(state).mean(axis=0) for state in range(11)]

@@ -1,21 +1,23 @@
 """Reversed cases on control nodes: where the nodes are, where they were before, and the sketch."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.control import Sketch
 from hybridmpm.control.diffusion.network import picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.reversal import SHORTEST_ARROW, arrow_of, oval_of
-from hybridmpm.errors import SketchError
+from hybridmpm.errors import DataError, SketchError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND, WATER
-from hybridmpm.training.control import scene_files
+from hybridmpm.training.control import pasts, scene_files
 from hybridmpm.training.control.pasts import STATES, STRIDE, Past
-from hybridmpm.training.sources import Drawn
+from hybridmpm.training.sources import DataSet, Drawn, Source
 
 FRAMES = 100
 """Frames of control, as in the paper."""
@@ -71,19 +73,35 @@ def prepare(
     scene_files.prepare(root, source, seeds, columns, on_progress)
 
 
-def read(root: Path, source: Drawn, seeds: Sequence[int]) -> list[NodeCase]:
-    """Return the cases of some seeds, up to four of each.
+def read(root: Path, source: Source, seeds: Sequence[int], split: str) -> list[NodeCase]:
+    """Return the cases of some seeds, up to four of each; or the examples of a split of a data set.
 
     Raises
     ------
     DataError
-        A file is damaged, or there is none at all.
+        A file is damaged, there is none at all, or the examples are of another number of frames.
     """
+    if isinstance(source, DataSet):
+        return list(map(of_example, pasts.read_examples(source, split)))
     return [
-        NodeCase(scene=source.scene(seed), **dict(zip(_COLUMNS, case, strict=True)))
+        _from(case, source.scene(seed))
         for seed, columns in scene_files.read(root, source, seeds, _COLUMNS)
         for case in zip(*(columns[name] for name in _COLUMNS), strict=True)
     ]
+
+
+def of_example(past: Past) -> NodeCase:
+    """Return an example of control as a case; raises `DataError` where it is of other frames, or a run."""
+    if past.sketch is None or past.stride != FRAMES:
+        raise DataError(
+            f"controlnet is trained on examples of {FRAMES} frames, got {past.stride}: make them by "
+            f"hybridmpm dataset generate --control --frames {FRAMES}"
+        )
+    return _from(_columns_of_case(past, 1, 0, past.sketch), past.scene)
+
+
+def _from(columns: Iterable[npt.NDArray[Any]], scene: Scene) -> NodeCase:
+    return NodeCase(scene=scene, **dict(zip(_COLUMNS, columns, strict=True)))
 
 
 def columns_of(past: Past, seed: int) -> scene_files.Columns:
@@ -107,16 +125,24 @@ def columns_of(past: Past, seed: int) -> scene_files.Columns:
 def _case(past: Past, start: int, arrow: np.bool_) -> Iterator[tuple[npt.NDArray[np.generic], ...]]:
     """Return the only case that begins at a state, or none where the centre of mass hardly moves."""
     first = start - FRAMES // STRIDE
-    state, end = past.state(start), past.positions(first)
-    distance = float(np.linalg.norm(state.weight @ (end - state.x)))
+    weight, end = past.state(start).weight, past.positions(first)
+    distance = float(np.linalg.norm(weight @ (end - past.positions(start))))
     if distance < _NEAREST:
         return
     walls, is_oval = past.scene.walls, not arrow or distance < SHORTEST_ARROW
     if is_oval:
-        picture = picture_of(oval_of(end.astype(np.float32), state.weight, walls))
+        sketch: Sketch = oval_of(end.astype(np.float32), weight, walls)
     else:
         way = np.stack([past.positions(index) for index in range(start, first - 1, -1)])
-        picture = picture_of(arrow_of(way.astype(np.float32), state.weight, walls))
+        sketch = arrow_of(way.astype(np.float32), weight, walls)
+    yield _columns_of_case(past, start, first, sketch)
+
+
+def _columns_of_case(
+    past: Past, start: int, first: int, sketch: Sketch
+) -> tuple[npt.NDArray[np.generic], ...]:
+    """Return the columns of the case that leads from a state to an earlier one."""
+    state = past.state(start)
     nodes = Nodes.of(state.x, past.mass, np.where(state.sand, SAND, WATER).astype(np.uint8))
-    places = [nodes.gathered(one).astype(np.float32) for one in (state.x, state.v, end)]
-    yield (*places, nodes.types, picture, np.array(is_oval))
+    places = [nodes.gathered(one).astype(np.float32) for one in (state.x, state.v, past.positions(first))]
+    return (*places, nodes.types, picture_of(sketch), np.array(sketch.kind == "ellipse"))

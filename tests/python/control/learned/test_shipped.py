@@ -1,0 +1,99 @@
+"""The learned plan in 3D that comes with the library, and where `auto` takes it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import MpmSolver, Scene, scenarios
+from hybridmpm.control import Arrow, Ellipse, Learned, Sketch, follow, prepare, resume
+from hybridmpm.control.methods.learned.network import TransportNetwork
+from hybridmpm.control.methods.learned.serving import serving
+
+ARROW = Arrow(np.array([[0.4, 0.3], [0.5, 0.5]]))
+WIDE = Ellipse(np.array([0.5, 0.5]), np.array([0.2, 0.15]), 0.3)
+NARROW = Ellipse(np.array([0.5, 0.5]), np.array([0.06, 0.05]), 0.3)
+
+
+def solver_of(scenario: str) -> MpmSolver:
+    solver = MpmSolver(scenarios.get(scenario, 4))
+    solver.advance(60)
+    return solver
+
+
+@pytest.fixture(scope="module")
+def water() -> MpmSolver:
+    return solver_of("water_3d")
+
+
+@pytest.fixture(scope="module")
+def sand() -> MpmSolver:
+    return solver_of("sand_3d")
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_each_dimension_has_its_network(dim: int) -> None:
+    scene = scenarios.get(f"sand_{dim}d", 0)
+    assert serving(TransportNetwork, None, scene).name == f"transport_{dim}d"
+
+
+@pytest.mark.parametrize(("own", "other"), [(2, 3), (3, 2)])
+def test_the_network_of_the_other_dimension_is_refused(own: int, other: int) -> None:
+    solver = MpmSolver(scenarios.get(f"water_{own}d", 3))
+    guidance = prepare(solver, ARROW, method=Learned(f"transport_{other}d"))
+    assert guidance.method == "analytic"
+    reason = f"transport_{other}d cannot serve this scene: it is trained in {other}D only"
+    assert guidance.reason == f"learned falls back to analytic: {reason}"
+
+
+def test_auto_takes_the_learned_plan_where_it_won(water: MpmSolver, sand: MpmSolver) -> None:
+    for solver, sketch, ratio in ((water, ARROW, "0.80"), (water, WIDE, "0.81"), (sand, ARROW, "0.85")):
+        guidance = prepare(solver, sketch)
+        assert guidance.method == "learned", guidance.reason
+        assert f"in 3D the learned plan had {ratio} of the error of the next best" in guidance.reason
+
+
+def _with_an_obstacle() -> Scene:
+    scene = scenarios.get("water_3d", 4)
+    ball = {"shape": "ball", "center": [0.8, 0.8, 0.8], "radius": 0.05}
+    return Scene.parse({**scene.model_dump(), "obstacles": [ball]})
+
+
+def test_auto_takes_guidance_elsewhere(water: MpmSolver, sand: MpmSolver) -> None:
+    """Narrow ovals are filled, sand did not win, and the network has seen neither obstacles nor parts."""
+    cases: list[tuple[MpmSolver, Sketch, dict[str, Any]]] = [
+        (water, NARROW, {}),
+        (water, WIDE, {"fill": "shrink"}),
+        (sand, WIDE, {}),
+        (water, ARROW, {"who": 0}),
+        (MpmSolver(_with_an_obstacle()), ARROW, {}),
+        (MpmSolver(scenarios.get("water_2d", 3)), ARROW, {}),
+    ]
+    for solver, sketch, options in cases:
+        guidance = prepare(solver, sketch, **options)
+        assert guidance.method == "analytic"
+        assert "falls back" not in guidance.reason
+
+
+@pytest.mark.parametrize("sketch", [ARROW, WIDE])
+def test_the_first_frames_lead_to_the_goal_and_repeat(water: MpmSolver, sketch: Sketch) -> None:
+    """Twelve frames come nearer than without a force; a snapshot goes on to the same bits."""
+    free, led, again = (water.copy() for _ in range(3))
+    one, two = (follow(solver, sketch, "learned") for solver in (led, again))
+    free.advance(12)
+    for _ in range(6):
+        next(one)
+        next(two)
+    state, data = again.snapshot(), two.snapshot()
+    restored = MpmSolver(water.scene)
+    restored.restore(state)
+    three = resume(restored, data)
+    for _ in range(6):
+        next(one)
+        next(three)
+    np.testing.assert_array_equal(led.positions, restored.positions)
+    goal = one.guidance.goal.path[-1]
+    weight = one.guidance.goal.cloud.weight
+    assert one.guidance.method == "learned"
+    away = [float(np.linalg.norm(weight @ solver.positions - goal)) for solver in (led, free)]
+    assert away[0] < away[1]
