@@ -15,7 +15,8 @@ LIMITS = {
     # 650 lines train networks on scene files and data sets, and show how long that takes without a terminal.
     # 250 lines find gaps, sinks and bodies that a grid chokes, and bound the errors of plans.
     # 200 lines find fast impacts and torn bodies.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_420),
+    # 70 lines choose learned plans in 3D, and train controlnet on data sets.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_490),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -33,7 +34,8 @@ LIMITS = {
     # 150 lines try findings about gaps, sinks and bodies, and bounds of plans.
     # 160 lines throw matter faster than sound, and sum its energy.
     # 90 lines are for listeners of jobs, shares of keys, and logs that many download; 200 for crowds.
-    "tests": (("tests/**.py",), 29_640),
+    # 140 lines are for learned plans in 3D, and for trainings on data sets that are ended.
+    "tests": (("tests/**.py",), 29_780),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
