@@ -116,6 +116,15 @@ def test_the_address_of_the_preset_shows_it_on_load(open_page: Open, service: Li
     assert "preset=pipeline" in visit.page.url
 
 
+def test_the_preset_in_3d_is_led_by_a_learned_plan(open_page: Open, service: LiveService) -> None:
+    visit = open_page("renderer=canvas2d&preset=pipeline-3d", until="body.state === 'live'")
+    visit.wait_for("body.control === 'following'")
+    made = service.get(f"/v1/sessions/{visit.session}")
+    assert (made["scenario"], made["seed"], made["solver"]) == ("water_3d", 10, "hybrid")
+    assert made["control"]["method"] == "learned"
+    assert "preset=pipeline-3d" in visit.page.url
+
+
 def test_a_click_shows_it_on_a_phone_and_a_reset_shows_it_again(open_page: Open) -> None:
     visit = open_page("renderer=canvas2d&scenario=sand_2d", viewport={"width": 390, "height": 844})
     visit.wait_for(LIVE)

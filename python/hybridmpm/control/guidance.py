@@ -222,7 +222,7 @@ def prepare(
         led, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
     sketch : Arrow or Ellipse
     method : str or Method
-        "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
+        "auto", which in 3D is "learned" where that won and else "analytic", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
         baseline, one acceleration for all; "learned", towards where a network says that the fluid may have
         come from; "controlnet", forces that the paper's diffusion generates; "none", no force. Or an object
         with their surface.
