@@ -222,9 +222,10 @@ def prepare(
         led, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
     sketch : Arrow or Ellipse
     method : str or Method
-        "auto", which in 3D is "learned" where that won and else "analytic", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
-        baseline, one acceleration for all; "learned", towards where a network says that the fluid may have
-        come from; "controlnet", forces that the paper's diffusion generates; "none", no force. Or an object
+        "auto", which is "learned" where that won in 3D, else "analytic"; or one of: "analytic", guidance by
+        optimal transport and least force; "constant", the paper's baseline, one acceleration for all;
+        "learned", towards where a network says that the fluid may have come from; "controlnet", forces that
+        the paper's diffusion generates; "none", no force. Or an object
         with their surface.
     frames : int in [1, 10000], optional
         Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
