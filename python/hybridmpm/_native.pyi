@@ -403,10 +403,11 @@ class FrameReport:
         bound: str,
         obstacle_work: float,
         max_speed: float,
+        forces: Sequence[Sequence[float]],
     ) -> FrameReport:
         """Return an object of these values, as copies and pickles are made."""
 
-    def __getnewargs__(self) -> tuple[int, float, str, float, float]: ...
+    def __getnewargs__(self) -> tuple[int, float, str, float, float, list[list[float]]]: ...
     @property
     def substeps(self) -> int: ...
     @property
@@ -426,6 +427,12 @@ class FrameReport:
     @property
     def obstacle_work(self) -> float:
         """Work of moving obstacles on the material [J], in 2D per metre: impulses times velocities."""
+    @property
+    def forces(self) -> npt.NDArray[np.float64]:
+        """Mean forces on walls and obstacles (2 D + n, 3 (D - 1)); see `Simulator.frame_forces`.
+
+        Matter that sleeps does not count.
+        """
 
 @final
 class MotionReport:

@@ -272,6 +272,17 @@ class MpmSolver(CoarseSimulator):
         spacing = self.scene.spacing / self.r_p ** (1 / self.dim)
         return PressureSamples(self.coarse_positions, self.pressure, float(spacing))
 
+    def frame_forces(self) -> npt.NDArray[np.float64]:
+        """Return the forces on walls and obstacles in the latest frame; see `Simulator.frame_forces`."""
+        if self._sleep is not None:
+            raise ConfigError(
+                "forces need a solver without sleep: matter that sleeps does not press on walls and obstacles"
+            )
+        if self.last_frame is None:
+            solids = 2 * self.dim + len(self._scene.obstacles)
+            return np.full((solids, 3 * (self.dim - 1)), np.nan)
+        return self.last_frame.forces
+
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:
         """Whether each particle simulated (n,) sleeps; all False without a `Sleep`; read-only."""

@@ -309,6 +309,10 @@ class AutoSolver(CoarseSimulator):
         """Return the pressures of the particles simulated, where MPM simulates."""
         return self._inner.pressure_samples()
 
+    def frame_forces(self) -> npt.NDArray[np.float64]:
+        """Return the forces on walls and obstacles in the latest frame, where MPM simulates."""
+        return self._inner.frame_forces()
+
     def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)

@@ -4,6 +4,7 @@
 walls are refused. D is the dimension, K a number of points.
 """
 
+from hybridmpm.probes.forces import Force, Torque
 from hybridmpm.probes.gauges import FillLevel, Flow, HeightGauge
 from hybridmpm.probes.probe import PressureSamples, Probe
 from hybridmpm.probes.quantities import Density, PatchDensity, PatchPressure, Pressure
@@ -13,6 +14,7 @@ __all__ = [
     "Density",
     "FillLevel",
     "Flow",
+    "Force",
     "HeightGauge",
     "PatchDensity",
     "PatchPressure",
@@ -20,5 +22,6 @@ __all__ = [
     "PressureSamples",
     "Probe",
     "TimeSeries",
+    "Torque",
     "record",
 ]

@@ -56,12 +56,17 @@ class Probed(Protocol):
     def pressure_samples(self) -> PressureSamples:
         """Pressures of the particles that are simulated; a `ConfigError` where there are none."""
 
+    def frame_forces(self) -> Floats:
+        """Return the forces of the latest frame; a `ConfigError` where there are none."""
+
 
 class Probe(ABC):
     """Something that reads one number, or K numbers, off the state of a simulator."""
 
     unit: ClassVar[str]
     """Unit of the numbers, such as "kg/m^3"."""
+    is_mean: ClassVar[bool] = False
+    """Whether a reading is the mean over a frame, not the state at its end."""
 
     @abstractmethod
     def check(self, scene: Scene) -> None:

@@ -74,6 +74,9 @@ def record(
 ) -> TimeSeries:
     """Advance a simulator, and read probes now, after every `every` frames, and at the end.
 
+    Of forces and torques each reading is the mean over the frames since the one before, the first that of the
+    frame before the recording.
+
     Parameters
     ----------
     solver : Simulator
@@ -102,13 +105,18 @@ def record(
         checked_probe(probe).check(solver.scene)
     stops = [*range(0, frames, every), frames]
     rows: dict[str, list[Floats]] = {name: [] for name in probes}
+    means = {name: probe for name, probe in probes.items() if probe.is_mean}
     first, at = solver.frame, []
     for stop in stops:
-        if solver.frame < first + stop:
-            solver.advance(first + stop - solver.frame, force)
+        of_frames: dict[str, list[Floats]] = {name: [] for name in means}
+        while solver.frame < first + stop:
+            solver.advance(1 if means else first + stop - solver.frame, force)
+            for name, probe in means.items():
+                of_frames[name].append(probe.read(solver))
         at.append(solver.frame)
         for name, probe in probes.items():
-            rows[name].append(probe.read(solver))
+            read = of_frames.get(name)
+            rows[name].append(np.mean(read, axis=0) if read else probe.read(solver))
     frame = np.array(at, dtype=np.int64)
     return TimeSeries(
         frame=frame,

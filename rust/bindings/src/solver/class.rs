@@ -347,7 +347,8 @@ impl PySolver {
         let report = self
             .held
             .detached(py, |any| with_any!(any, solver => solver.last_frame()))?;
-        Ok(report.map(PyFrameReport))
+        let width = 3 * (self.dim - 1);
+        Ok(report.map(|inner| PyFrameReport { inner, width }))
     }
 
     fn diagnostics(&self, py: Python<'_>) -> PyResult<PyDiagnostics> {

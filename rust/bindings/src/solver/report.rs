@@ -1,9 +1,11 @@
 //! `Diagnostics`, `FrameReport` and `MotionReport`: values read off a solver.
 
 use mpm::{Diagnostics, FrameReport, MotionReport};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
+use crate::convert::read_only;
 use crate::error::config_error;
 
 /// Totals over all particles at one instant.
@@ -119,7 +121,11 @@ impl PyDiagnostics {
 
 /// How the last frame was cut into substeps.
 #[pyclass(frozen, name = "FrameReport", module = "hybridmpm._native")]
-pub struct PyFrameReport(pub FrameReport);
+pub struct PyFrameReport {
+    pub inner: FrameReport,
+    /// Numbers of a row of forces: 3 in 2D, 6 in 3D.
+    pub width: usize,
+}
 
 #[pymethods]
 impl PyFrameReport {
@@ -130,52 +136,70 @@ impl PyFrameReport {
         bound: &str,
         obstacle_work: f64,
         max_speed: f32,
+        forces: Vec<Vec<f64>>,
     ) -> PyResult<Self> {
         let bound = mpm::Bound::named(bound)
             .ok_or_else(|| config_error(format!("bound must be one of a report, got {bound:?}")))?;
-        Ok(Self(FrameReport {
+        let width = forces.first().map_or(3, Vec::len);
+        if !matches!(width, 3 | 6) || forces.iter().any(|row| row.len() != width) {
+            let message = "forces must have rows of 3 numbers in 2D, or 6 in 3D";
+            return Err(config_error(message));
+        }
+        let inner = FrameReport {
             substeps,
             smallest_dt,
             bound,
             obstacle_work,
             max_speed,
-        }))
+            forces: forces.concat(),
+        };
+        Ok(Self { inner, width })
     }
 
     /// Arguments of `new`, by which copies and pickles are made.
-    fn __getnewargs__(&self) -> (u32, f32, &'static str, f64, f32) {
+    fn __getnewargs__(&self) -> (u32, f32, &'static str, f64, f32, Vec<Vec<f64>>) {
         (
-            self.0.substeps,
-            self.0.smallest_dt,
-            self.0.bound.name(),
-            self.0.obstacle_work,
-            self.0.max_speed,
+            self.inner.substeps,
+            self.inner.smallest_dt,
+            self.inner.bound.name(),
+            self.inner.obstacle_work,
+            self.inner.max_speed,
+            (self.inner.forces.chunks(self.width))
+                .map(<[f64]>::to_vec)
+                .collect(),
         )
     }
 
     #[getter]
     fn substeps(&self) -> u32 {
-        self.0.substeps
+        self.inner.substeps
     }
     #[getter]
     fn smallest_dt(&self) -> f32 {
-        self.0.smallest_dt
+        self.inner.smallest_dt
     }
     #[getter]
     fn bound(&self) -> &'static str {
-        self.0.bound.name()
+        self.inner.bound.name()
     }
     #[getter]
     fn max_speed(&self) -> f32 {
-        self.0.max_speed
+        self.inner.max_speed
     }
     #[getter]
     fn obstacle_work(&self) -> f64 {
-        self.0.obstacle_work
+        self.inner.obstacle_work
+    }
+
+    #[getter]
+    fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.inner.forces.len() / self.width;
+        let forces = self.inner.forces.clone().into_pyarray(py);
+        forces.reshape([rows, self.width]).map(read_only)
     }
 
     fn __repr__(&self) -> String {
-        format!("{:?}", self.0)
+        format!("{:?}", self.inner)
     }
 }
 

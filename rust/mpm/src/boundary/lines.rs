@@ -7,6 +7,7 @@
 use super::motion::Pose;
 use super::node::MaterialFriction;
 use super::obstacle::Obstacle;
+use super::reactions::Reactions;
 use super::wall_contact::touching;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
 use crate::linalg::Vector;
@@ -173,15 +174,15 @@ impl<const D: usize> Line<D> {
         [-self.step, 0, self.step].map(|step| self.middle.wrapping_add_signed(step))
     }
 
-    /// Lets the obstacle act on velocities and masses of the nodes, and returns the work that it does [J]; None where
-    /// nothing touches it. `friction` returns that of the material from the mass of the middle node.
+    /// Lets the obstacle act on velocities and masses of the nodes, and returns its impulse [kg m/s] and the work that it does
+    /// [J]; None where nothing touches it. `friction` returns that of the material from the mass of the middle node.
     pub fn act(
         &self,
         nodes: &mut [[f32; 4]; 3],
         is_elastic: bool,
         solids: &Solids<'_, D>,
         friction: impl Fn(f32) -> f32,
-    ) -> Option<f64> {
+    ) -> Option<(Vector<D>, f64)> {
         let mass = nodes.map(|node| node[3]);
         let touching = self.touching[usize::from(is_elastic)];
         if mass[1] <= SMALLEST_MASS || mass[1] < touching * mass[2] {
@@ -215,7 +216,7 @@ impl<const D: usize> Line<D> {
                 impulse[axis] += gain * mass[k];
             }
         }
-        Some(f64::from(impulse.dot(&surface)))
+        Some((impulse, f64::from(impulse.dot(&surface))))
     }
 }
 
@@ -225,6 +226,7 @@ pub struct LineWindow<'a, 'w, 'f, const D: usize> {
     pub fields: &'a mut Option<FieldWindow<'f>>,
     pub kinds: FieldMap<'a>,
     pub friction: &'a MaterialFriction,
+    pub reactions: &'a mut Reactions<D>,
 }
 
 impl<const D: usize> LineWindow<'_, '_, '_, D> {
@@ -273,6 +275,7 @@ impl<const D: usize> LineWindow<'_, '_, '_, D> {
             window,
             fields,
             friction,
+            reactions,
             ..
         } = self;
         let numbers = line.nodes().map(|node| node.wrapping_sub(window.first));
@@ -287,9 +290,10 @@ impl<const D: usize> LineWindow<'_, '_, '_, D> {
             }
             _ => friction.at(window.friction_mass, numbers[1], mass),
         };
-        let Some(work) = line.act(&mut nodes, elastic, solids, friction) else {
+        let Some((impulse, work)) = line.act(&mut nodes, elastic, solids, friction) else {
             return 0.0;
         };
+        reactions.push(line.obstacle as usize, &line.x, &impulse);
         for k in 0..3 {
             match (places[k], &mut *fields) {
                 (NodePlace::Grid, _) => window.nodes[numbers[k]] = nodes[k].into(),

@@ -6,6 +6,7 @@ use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
 use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, stencil_reach};
 use super::obstacle::Obstacle;
+use super::reactions::Reactions;
 use super::wall_fill::cumulative;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, PADDING, SMALLEST_MASS, Span, Window};
 use crate::linalg::Vector;
@@ -169,6 +170,7 @@ impl<const D: usize> Obstacles<D> {
         fields: &mut Option<FieldWindow<'_>>,
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
+        reactions: &mut Reactions<D>,
     ) -> f64 {
         if self.list.is_empty() {
             return 0.0;
@@ -179,7 +181,7 @@ impl<const D: usize> Obstacles<D> {
         for &span in window.active() {
             let start = (span.row * row_length) as isize - first;
             let target = (&mut *window.nodes, &*window.friction_mass);
-            work += self.apply_to_deep(target, start, span, friction);
+            work += self.apply_to_deep(target, start, span, friction, reactions);
         }
         if let Some(fields) = fields {
             for (number, slot) in fields.slots.iter().enumerate() {
@@ -188,7 +190,8 @@ impl<const D: usize> Obstacles<D> {
                 let hi = lo + CHUNK;
                 let start = (number * CHUNK) as isize - lo as isize;
                 let target = (&mut *fields.nodes, &*fields.friction_mass);
-                work += self.apply_to_deep(target, start, Span { row, lo, hi }, friction);
+                let span = Span { row, lo, hi };
+                work += self.apply_to_deep(target, start, span, friction, reactions);
             }
         }
         let moving = self.moving_lines(window, fields.as_ref(), window.planes.clone(), 1..D);
@@ -197,6 +200,7 @@ impl<const D: usize> Obstacles<D> {
             fields,
             kinds,
             friction,
+            reactions,
         };
         for axis in (1..D).rev() {
             let planes = lines.window.planes.clone();
@@ -214,6 +218,7 @@ impl<const D: usize> Obstacles<D> {
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
         planes: Range<usize>,
+        reactions: &mut Reactions<D>,
     ) -> f64 {
         let moving = self.moving_lines(window, fields.as_ref(), planes.clone(), 0..1);
         let mut lines = LineWindow {
@@ -221,6 +226,7 @@ impl<const D: usize> Obstacles<D> {
             fields,
             kinds,
             friction,
+            reactions,
         };
         self.act_on_lines(&mut lines, self.lines_of(0, planes))
             + self.act_on_lines(&mut lines, moving[0].iter())
@@ -300,6 +306,7 @@ impl<const D: usize> Obstacles<D> {
         start: isize,
         span: Span,
         material_friction: &MaterialFriction,
+        reactions: &mut Reactions<D>,
     ) -> f64 {
         let within = |column: u32| (span.lo..span.hi).contains(&(column as usize));
         let number = |column: u32| start.wrapping_add_unsigned(column as usize) as usize;
@@ -307,10 +314,16 @@ impl<const D: usize> Obstacles<D> {
             if within(node.column) {
                 let contact = self.list[node.obstacle as usize].contact;
                 let index = number(node.column);
-                change_velocity(&mut nodes[index], |v, mass| {
+                let impulse = change_velocity(&mut nodes[index], |v, mass| {
                     let friction = material_friction.at(friction_mass, index, mass);
                     contact.resolve(v, &node.normal, friction)
                 });
+                if impulse != Vector::<D>::zeros() {
+                    let mut place = self.layout.row_coordinates(span.row);
+                    place[D - 1] = node.column as usize;
+                    let x = self.layout.position(place);
+                    reactions.push(node.obstacle as usize, &x, &impulse);
+                }
             }
         }
         let mut work = 0.0;
@@ -331,6 +344,7 @@ impl<const D: usize> Obstacles<D> {
                         let friction = material_friction.at(friction_mass, index, mass);
                         obstacle.resolve(pose, &x, v, &normal, friction)
                     });
+                    reactions.push(node.obstacle as usize, &x, &impulse);
                     work += f64::from(impulse.dot(&velocity_of(pose, &x)));
                 }
             }
@@ -383,8 +397,15 @@ impl<const D: usize> Obstacles<D> {
     }
 
     /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its
-    /// velocity [J/kg].
-    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) -> f64 {
+    /// velocity [J/kg], and calls back with each obstacle, the place, and its change of the velocity.
+    #[inline(never)]
+    pub fn push_out(
+        &self,
+        x: &mut Vector<D>,
+        v: &mut Vector<D>,
+        material_friction: f32,
+        mut pushed: impl FnMut(usize, &Vector<D>, &Vector<D>),
+    ) -> f64 {
         let mut work = 0.0;
         for (index, obstacle) in self.list.iter().enumerate() {
             let pose = self
@@ -401,7 +422,9 @@ impl<const D: usize> Obstacles<D> {
                     });
                 }
                 let changed = obstacle.resolve(pose, x, v, &normal, material_friction);
-                work += f64::from((changed - *v).dot(&velocity_of(pose, x)));
+                let change = changed - *v;
+                work += f64::from(change.dot(&velocity_of(pose, x)));
+                pushed(index, x, &change);
                 *v = changed;
             }
         }

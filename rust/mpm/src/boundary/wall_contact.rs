@@ -14,6 +14,7 @@
 
 use super::contact::{Contact, ContactKind, Walls, remaining_slip};
 use super::node::MaterialFriction;
+use super::reactions::{Reactions, Wrench};
 use super::wall_fill::cumulative;
 use crate::grid::{
     ActiveSpans, CHUNK, Fields, Layout, PADDING, SMALLEST_MASS, Span, Window, spline,
@@ -59,6 +60,8 @@ struct Side {
     /// +1 at a lower wall, -1 at an upper one.
     inward: f32,
     contact: Contact,
+    /// [m]
+    position: f64,
     /// Coordinate along the axis of the middle one of the three nodes.
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
@@ -93,6 +96,7 @@ impl WallContact {
                 axis,
                 inward,
                 contact,
+                position: f64::from(position),
                 middle: base as usize + 1,
                 weights,
                 touching: touching(face, 1.0, contact.kind),
@@ -202,16 +206,19 @@ impl WallContact {
         window: &mut Window<'_, D>,
         friction: &MaterialFriction,
         lines: Lines<'_>,
+        reactions: &mut Reactions<D>,
     ) {
         for across_first in lines.across_first {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
             for side in sides.filter(|side| (side.axis == 0) == *across_first) {
+                let upper = usize::from(side.inward < 0.0);
+                let wrench = &mut reactions.walls[side.axis][upper];
                 let mut resolve = |lines: &[usize], elastic: bool| {
                     let touching = side.touching[usize::from(elastic)];
                     let lines = lines_in(window, lines);
                     if !lines.is_empty() {
-                        Self::resolve(window, side, touching, lines, friction);
+                        Self::resolve(window, side, touching, lines, friction, wrench);
                     }
                 };
                 if let Some(elastic) = lines.own {
@@ -231,11 +238,13 @@ impl WallContact {
         touching: f32,
         lines: &[usize],
         friction: &MaterialFriction,
+        wrench: &mut Wrench<D>,
     ) {
         let friction = match (side.contact.friction, friction) {
             (Some(mu), _) => MaterialFriction::Uniform(mu),
             (None, of_material) => *of_material,
         };
+        let places = Places::new(&window.layout);
         run_wide(ResolveLines {
             window,
             side,
@@ -243,6 +252,8 @@ impl WallContact {
             lines,
             kind: side.contact.kind,
             friction,
+            places,
+            wrench,
         });
     }
 }
@@ -263,6 +274,8 @@ struct ResolveLines<'a, 'w, const D: usize> {
     lines: &'a [usize],
     kind: ContactKind,
     friction: MaterialFriction,
+    places: Places<D>,
+    wrench: &'a mut Wrench<D>,
 }
 
 impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
@@ -357,7 +370,8 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 mu[lane] = self.friction.at(self.window.friction_mass, node, mass);
             }
         }
-        lines.apply(self.kind, self.side, &mu);
+        let given = lines.apply(self.kind, self.side, &mu);
+        self.sum_up::<SIDE_BY_SIDE, N>(starts, found, axes, &given);
         let nodes = &mut *self.window.nodes;
         for step in 0..3 {
             for k in 0..N {
@@ -374,6 +388,112 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 }
             }
         }
+    }
+}
+
+impl<const D: usize> ResolveLines<'_, '_, D> {
+    /// Adds the impulses on lines that start at the first `found` of some middle nodes, at the wall itself.
+    #[inline(always)]
+    fn sum_up<const SIDE_BY_SIDE: usize, const N: usize>(
+        &mut self,
+        starts: &[usize; LANES],
+        found: usize,
+        axes: &[usize; N],
+        given: &[Lanes; N],
+    ) {
+        let mut any = false;
+        given
+            .iter()
+            .flatten()
+            .for_each(|impulse| any |= *impulse != 0.0);
+        if !any {
+            return;
+        }
+        // Each component, and that times each coordinate of its place in nodes.
+        let (mut sums, mut moments) = ([0.0; N], [[0.0; D]; N]);
+        for line in 0..found {
+            let node = self.places.of(starts[line] + self.window.first);
+            for k in 0..N {
+                let (parts, _) = given[k].as_chunks::<SIDE_BY_SIDE>();
+                let (mut sum, mut along) = (parts[line], parts[line]);
+                if SIDE_BY_SIDE > 1 {
+                    (0..SIDE_BY_SIDE).for_each(|step| along[step] *= step as f32);
+                    let mut half = SIDE_BY_SIDE / 2;
+                    while half > 0 {
+                        for step in 0..half {
+                            sum[step] += sum[step + half];
+                            along[step] += along[step + half];
+                        }
+                        half /= 2;
+                    }
+                }
+                let sum = f64::from(sum[0]);
+                sums[k] += sum;
+                for axis in 0..D {
+                    moments[k][axis] += node[axis] * sum;
+                }
+                if SIDE_BY_SIDE > 1 {
+                    moments[k][D - 1] += f64::from(along[0]);
+                }
+            }
+        }
+        let dx = self.places.dx;
+        for (k, &axis) in axes.iter().enumerate() {
+            self.wrench.impulse[axis] += sums[k];
+            for across in (0..D).filter(|across| *across != axis) {
+                let moment = if across == self.side.axis {
+                    self.side.position * sums[k]
+                } else {
+                    (moments[k][across] - PADDING as f64 * sums[k]) * dx
+                };
+                // The sign of e_across x e_axis.
+                let about = &mut self.wrench.moment[3 - across - axis];
+                *about += if (across + 1) % 3 == axis {
+                    moment
+                } else {
+                    -moment
+                };
+            }
+        }
+    }
+}
+
+/// Coordinates of nodes from their memory indices, without divisions.
+#[derive(Clone, Copy)]
+struct Places<const D: usize> {
+    /// Cell size [m].
+    dx: f64,
+    row_length: f64,
+    per_row: f64,
+    rows_per_plane: f64,
+    per_plane: f64,
+}
+
+impl<const D: usize> Places<D> {
+    fn new(layout: &Layout<D>) -> Self {
+        let (row_length, rows) = (layout.row_length as f64, layout.rows_per_plane() as f64);
+        Self {
+            dx: 1.0 / layout.resolution as f64,
+            row_length,
+            per_row: 1.0 / row_length,
+            rows_per_plane: rows,
+            per_plane: 1.0 / rows,
+        }
+    }
+
+    /// Coordinates of a node [nodes].
+    #[inline(always)]
+    fn of(&self, node: usize) -> [f64; D] {
+        // The half keeps rounding from crossing an integer.
+        let node = node as f64;
+        let row = ((node + 0.5) * self.per_row).floor();
+        let mut place = [row; D];
+        if D == 3 {
+            place[0] = ((row + 0.5) * self.per_plane).floor();
+            place[1] = row - place[0] * self.rows_per_plane;
+        }
+        place[D - 1] = node - row * self.row_length;
+        place
     }
 }
 
@@ -396,9 +516,10 @@ impl<const N: usize> LineNodes<N> {
         }
     }
 
-    /// Changes velocities so that the material at the wall obeys the contact.
+    /// Changes velocities so that the material at the wall obeys the contact. Returns the impulses, by components.
     #[inline(always)]
-    fn apply(&mut self, kind: ContactKind, side: &Side, mu: &Lanes) {
+    fn apply(&mut self, kind: ContactKind, side: &Side, mu: &Lanes) -> [Lanes; N] {
+        let mut given = [[0.0; LANES]; N];
         let separates = kind == ContactKind::Separating;
         let lost_always = if kind == ContactKind::Sticky {
             1.0
@@ -408,7 +529,7 @@ impl<const N: usize> LineNodes<N> {
         for i in 0..LANES {
             let mut mobility = [0.0; 3];
             let mut at_wall = [0.0; N];
-            let mut total = 0.0;
+            let (mut total, mut held) = (0.0, 0.0);
             for step in 0..3 {
                 // Empty nodes have no velocity to speak of and take no impulse.
                 let mass = self.mass[step][i];
@@ -416,6 +537,7 @@ impl<const N: usize> LineNodes<N> {
                 let weight = if there { side.weights[step] } else { 0.0 };
                 mobility[step] = weight / if there { mass } else { 1.0 };
                 total += mobility[step] * weight;
+                held += weight;
                 for k in 0..N {
                     at_wall[k] += weight * self.v[k][step][i];
                 }
@@ -435,10 +557,28 @@ impl<const N: usize> LineNodes<N> {
                 }
             }
             for k in 0..N {
+                given[k][i] = change[k] * impulse * held;
                 for step in 0..3 {
                     self.v[k][step][i] += change[k] * impulse * mobility[step];
                 }
             }
+        }
+        given
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_found_from_their_memory_indices() {
+        let layout = Layout::<3>::new(17);
+        let places = Places::new(&layout);
+        for node in 0..layout.row_count() * layout.row_length {
+            let mut place = layout.row_coordinates(node / layout.row_length);
+            place[2] = node % layout.row_length;
+            assert_eq!(places.of(node), place.map(|axis| axis as f64));
         }
     }
 }

@@ -17,6 +17,6 @@ pub(crate) use group::with_group;
 pub use group::{EMITTED, Group, MaterialGroup};
 pub use near::near_ones;
 pub use particle::{Activity, Particle};
-pub use slabs::{COLOURS, Slab, bands, fresh_planes};
+pub use slabs::{COLOURS, MAX_SLABS, Slab, bands, fresh_planes};
 pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};
 pub use sort::Sorter;

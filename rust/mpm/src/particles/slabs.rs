@@ -34,7 +34,7 @@ pub fn fresh_planes(slabs: &[Slab], index: usize) -> Range<usize> {
 /// base, and the base moves by one in either direction between sorts.
 const MIN_PLANES: usize = 4;
 /// More than eight threads gain nothing at the sizes that are interactive.
-const MAX_SLABS: usize = 16;
+pub const MAX_SLABS: usize = 16;
 /// Smaller slabs waste too many lanes of their last blocks.
 const SMALLEST_SLAB: usize = 256;
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::cancel::CancelFlag;
-use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
+use crate::boundary::{Bounds, MaterialFriction, Obstacles, Reactions, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
 use crate::grid::{FieldSums, Fields, Grid};
@@ -11,8 +11,8 @@ use crate::initial::{Particles, group};
 use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
-    MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide, near_ones,
-    with_group,
+    MAX_SLABS, MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide,
+    near_ones, with_group,
 };
 use crate::settings::SolverSettings;
 use crate::snapshot;
@@ -38,6 +38,8 @@ pub struct Solver<const D: usize> {
     pub(super) team: Arc<Team>,
     pub(super) grid: Grid<D>,
     pub(super) slabs: Vec<Slab>,
+    /// Impulses of walls and obstacles in the frame in progress, by slab.
+    pub(super) reactions: Vec<Reactions<D>>,
     pub(super) sorter: Sorter,
     pub(super) state: SolverState<D>,
     /// State before the frame in progress; kept to reuse its memory.
@@ -92,6 +94,7 @@ impl<const D: usize> Solver<D> {
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
+            reactions: vec![Reactions::none(settings.obstacles.len()); MAX_SLABS],
             sorter: Sorter::default(),
             before: Vec::new(),
             state: SolverState {
@@ -219,7 +222,9 @@ impl<const D: usize> Solver<D> {
             bound: Bound::Frame,
             obstacle_work: 0.0,
             max_speed: 0.0,
+            forces: Vec::new(),
         };
+        self.reactions.iter_mut().for_each(Reactions::clear);
         let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
         let mut remaining = frame_dt;
@@ -260,7 +265,15 @@ impl<const D: usize> Solver<D> {
                 (report.smallest_dt, report.bound) = (dt, bound);
             }
         }
+        report.forces = self.forces();
         Ok(report)
+    }
+
+    /// Mean forces on walls and obstacles over the frame. In the order of the slabs, on which the sums depend.
+    fn forces(&self) -> Vec<f64> {
+        let mut sum = Reactions::none(self.settings.obstacles.len());
+        self.reactions.iter().for_each(|part| sum.join(part));
+        sum.forces(f64::from(self.settings.frame_dt))
     }
 
     fn check_cancelled(&self) -> Result<(), MpmError> {
@@ -339,7 +352,8 @@ impl<const D: usize> Solver<D> {
             bounds: &self.bounds,
         };
         let groups = &mut self.state.groups;
-        substep.run(stages, groups, &self.slabs, &mut self.grid, &self.team)
+        let (grid, reactions) = (&mut self.grid, &mut self.reactions);
+        substep.run(stages, groups, &self.slabs, grid, reactions, &self.team)
     }
 
     /// Names the particle that is no longer sound, the lowest index if there are several.

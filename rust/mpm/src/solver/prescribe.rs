@@ -183,7 +183,7 @@ fn place<const D: usize, M: Constitutive<D>>(
             particle.v = Vector::from_column_slice(&v[first..][..D]);
             particle.affine.fill(0.0);
             if obstacles.any() {
-                obstacles.push_out(&mut particle.x, &mut particle.v, friction);
+                obstacles.push_out(&mut particle.x, &mut particle.v, friction, |_, _, _| ());
             }
             bounds.clamp(&mut particle.x, &mut particle.v);
             block.set(lane, &particle);

@@ -25,7 +25,7 @@ impl<const D: usize> Solver<D> {
 
     /// How the latest frame was cut; None before the first.
     pub fn last_frame(&self) -> Option<FrameReport> {
-        self.last_frame
+        self.last_frame.clone()
     }
 
     /// N numbers, ascending, that particles keep for good.

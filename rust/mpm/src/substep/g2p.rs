@@ -4,9 +4,9 @@
 
 use wide::f32x4;
 
-use crate::boundary::{Bounds, Obstacles};
+use crate::boundary::{Bounds, Obstacles, Reactions};
 use crate::grid::{FieldView, Layout, Stencils, View};
-use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
+use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
 use crate::substep::p2g::for_each_row;
@@ -59,6 +59,7 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
     nodes: Nodes<'_, D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
+    reactions: &mut Reactions<D>,
     dt: f32,
 ) -> Outcome {
     let Nodes { grid, own } = nodes;
@@ -70,6 +71,7 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
         own,
         bounds,
         obstacles,
+        reactions,
         dt,
     })
 }
@@ -83,6 +85,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     own: Option<OwnView<'a>>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
+    reactions: &'a mut Reactions<D>,
     dt: f32,
 }
 
@@ -113,6 +116,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             own,
             bounds,
             obstacles,
+            reactions,
             dt,
             friction,
             ..
@@ -150,10 +154,10 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
                 broken[i] |= u32::from(!sound);
             }
             if moved.outside {
-                sound &= keep_inside(block, bounds);
+                sound &= keep_inside(block, bounds, reactions);
             }
             if obstacles.any() && sound && broken == [0; LANES] {
-                obstacle_work += push_out(block, &stencils, obstacles, friction);
+                obstacle_work += push_out(block, &stencils, obstacles, friction, reactions);
             }
         }
         Outcome {
@@ -346,12 +350,18 @@ fn store(lanes: &mut Lanes, from: usize, values: f32x4) {
 
 /// Puts particles back between the walls; false if one is too far past them.
 #[cold]
-fn keep_inside<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bounds<D>) -> bool {
+fn keep_inside<const D: usize, S: State>(
+    block: &mut Block<D, S>,
+    bounds: &Bounds<D>,
+    reactions: &mut Reactions<D>,
+) -> bool {
     let mut sound = true;
     for lane in 0..block.count {
         let mut particle = block.get(lane, Activity::Awake);
         if !bounds.walls.contains(&particle.x) {
+            let before = particle.v;
             sound &= bounds.put_back(&mut particle.x, &mut particle.v);
+            reactions.hold(&particle.x, particle.mass, &(particle.v - before));
             block.set(lane, &particle);
         }
     }
@@ -364,13 +374,20 @@ fn push_out<const D: usize, S: State>(
     stencils: &Stencils<D>,
     obstacles: &Obstacles<D>,
     friction: f32,
+    reactions: &mut Reactions<D>,
 ) -> f64 {
     let mut work = 0.0;
     for lane in 0..block.count {
-        if obstacles.near(stencils.start[lane] as usize) {
+        let x = Vector::from_fn(|axis, _| block.x[axis][lane]);
+        // Few of those near an obstacle are inside; the others are not touched.
+        if obstacles.near(stencils.start[lane] as usize) && obstacles.contains(&x) {
             let mut particle = block.get(lane, Activity::Awake);
-            let by_mass = obstacles.push_out(&mut particle.x, &mut particle.v, friction);
-            work += by_mass * f64::from(particle.mass);
+            let mass = particle.mass;
+            let pushed = |obstacle: usize, x: &Vector<D>, change: &Vector<D>| {
+                reactions.push(obstacle, x, &(change * mass));
+            };
+            let by_mass = obstacles.push_out(&mut particle.x, &mut particle.v, friction, pushed);
+            work += by_mass * f64::from(mass);
             block.set(lane, &particle);
         }
     }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use wide::f32x4;
 
 use super::meeting::Meeting;
-use crate::boundary::{Lines, MaterialFriction, Obstacles, WallContact};
+use crate::boundary::{Lines, MaterialFriction, Obstacles, Reactions, WallContact};
 use crate::grid::{CHUNK, FieldMap, FieldWindow, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
 
@@ -27,6 +27,7 @@ pub fn grid_update<const D: usize>(
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     dt: f32,
+    reactions: &mut Reactions<D>,
 ) -> f64 {
     let gain = lanes(&(forces.gravity * dt), 0.0);
     run_wide(Accelerate { window, gain });
@@ -38,13 +39,13 @@ pub fn grid_update<const D: usize>(
         });
         forces.meeting.resolve::<D>(fields, friction);
     }
-    let work = (forces.obstacles).apply(window, &mut fields, kinds, friction);
+    let work = (forces.obstacles).apply(window, &mut fields, kinds, friction, reactions);
     let axes: &[bool] = if forces.obstacles.act_across() {
         &[false]
     } else {
         &[false, true]
     };
-    act_by_walls(window, fields, kinds, forces, axes);
+    act_by_walls(window, fields, kinds, forces, axes, reactions);
     work
 }
 
@@ -55,9 +56,10 @@ pub fn act_across<const D: usize>(
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     planes: Range<usize>,
+    reactions: &mut Reactions<D>,
 ) -> f64 {
     let friction = &forces.material_friction;
-    (forces.obstacles).apply_across(window, &mut fields, kinds, friction, planes)
+    (forces.obstacles).apply_across(window, &mut fields, kinds, friction, planes, reactions)
 }
 
 /// Contact with walls, with those across the first axis, the others, or one after the other.
@@ -67,13 +69,14 @@ pub fn act_by_walls<const D: usize>(
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     across_first: &[bool],
+    reactions: &mut Reactions<D>,
 ) {
     let friction = &forces.material_friction;
     let lines = Lines {
         own: None,
         across_first,
     };
-    forces.walls.apply(window, friction, lines);
+    forces.walls.apply(window, friction, lines, reactions);
     let Some(mut fields) = fields else { return };
     if !forces.walls.has_shared_lines(window) {
         return;
@@ -91,7 +94,7 @@ pub fn act_by_walls<const D: usize>(
             }
             if there {
                 let lines = Lines { own, ..lines };
-                forces.walls.apply(window, friction, lines);
+                forces.walls.apply(window, friction, lines, reactions);
             }
         }
     }

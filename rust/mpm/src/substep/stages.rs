@@ -7,7 +7,7 @@ use super::g2p::{Nodes, Outcome, OwnView, g2p};
 use super::grid_update::{GridForces, act_across, act_by_walls, grid_update};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
-use crate::boundary::Bounds;
+use crate::boundary::{Bounds, Reactions};
 use crate::grid::{FieldView, FieldWindow, Grid, View, Window};
 use crate::material::Constitutive;
 use crate::particles::{
@@ -88,13 +88,14 @@ impl<const D: usize> Substep<'_, D> {
     /// Runs consecutive stages on sorted particles and the grid.
     ///
     /// A slab enters a stage when it and its two neighbours have finished the one before: it touches planes of these only.
-    /// Slabs further away are not waited for.
+    /// Slabs further away are not waited for. Each slab adds to reactions of its own.
     pub fn run(
         &self,
         stages: &[Stage],
         groups: &mut [MaterialGroup<D>],
         slabs: &[Slab],
         grid: &mut Grid<D>,
+        reactions: &mut [Reactions<D>],
         team: &Team,
     ) -> Outcome {
         let bands = bands(slabs, grid.layout.extent);
@@ -109,6 +110,7 @@ impl<const D: usize> Substep<'_, D> {
         let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
         let outcomes: Vec<_> = slabs.iter().map(|_| Mutex::new(Outcome::NOTHING)).collect();
+        let reactions: Vec<_> = reactions.iter_mut().map(Mutex::new).collect();
         let of_stage = |stage: Stage| {
             let steps = stage.steps(slabs.len());
             let numbered = steps.iter().enumerate();
@@ -152,7 +154,9 @@ impl<const D: usize> Substep<'_, D> {
                     // SAFETY: as above.
                     let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
                     let kinds = grid.fields.map();
-                    let work = grid_update(window, fields, kinds, &self.forces, self.step.dt);
+                    let reactions = &mut unlocked(&reactions[slab]);
+                    let (forces, dt) = (&self.forces, self.step.dt);
+                    let work = grid_update(window, fields, kinds, forces, dt, reactions);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                 }
                 (Stage::Across, ..) => {
@@ -170,13 +174,14 @@ impl<const D: usize> Substep<'_, D> {
                     let window = &mut unsafe { grid.window(reach.clone()) };
                     // SAFETY: as above.
                     let fields = meet.then(|| unsafe { grid.fields.window(reach) });
-                    let work = act_across(window, fields, kinds, &self.forces, planes);
+                    let (forces, reactions) = (&self.forces, &mut unlocked(&reactions[slab]));
+                    let work = act_across(window, fields, kinds, forces, planes, reactions);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                     // SAFETY: as above, and the windows before are no longer in use.
                     let window = &mut unsafe { grid.window(band.clone()) };
                     // SAFETY: as above.
                     let fields = meet.then(|| unsafe { grid.fields.window(band) });
-                    act_by_walls(window, fields, kinds, &self.forces, &[true]);
+                    act_by_walls(window, fields, kinds, forces, &[true], reactions);
                 }
                 (Stage::G2p, part, parts) => {
                     // SAFETY: all slabs in reach only read in this stage.
@@ -184,8 +189,11 @@ impl<const D: usize> Substep<'_, D> {
                     // SAFETY: as above.
                     let fields = meet.then(|| unsafe { grid.fields.view(reach) });
                     let outcome = &mut *unlocked(&outcomes[slab]);
+                    let reactions = &mut unlocked(&reactions[slab]);
+                    let part = (part, parts);
                     for group in &groups {
-                        *outcome = outcome.and(group.g2p(slab, (part, parts), view, fields, self));
+                        let found = group.g2p(slab, part, view, fields, self, reactions);
+                        *outcome = outcome.and(found);
                     }
                 }
             }
@@ -213,6 +221,7 @@ trait Cut<const D: usize>: Sync {
         grid: View<'_, D>,
         fields: Option<FieldView<'_>>,
         substep: &Substep<'_, D>,
+        reactions: &mut Reactions<D>,
     ) -> Outcome;
 }
 
@@ -244,6 +253,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         grid: View<'_, D>,
         fields: Option<FieldView<'_>>,
         substep: &Substep<'_, D>,
+        reactions: &mut Reactions<D>,
     ) -> Outcome {
         let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
         let awake = &mut self.awake(slab);
@@ -262,6 +272,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
             Nodes { grid, own },
             bounds,
             obstacles,
+            reactions,
             substep.step.dt,
         )
     }

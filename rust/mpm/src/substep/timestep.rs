@@ -67,7 +67,7 @@ impl Bound {
 }
 
 /// Division of a frame into substeps.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FrameReport {
     pub substeps: u32,
     /// Length of the shortest substep [s].
@@ -79,6 +79,8 @@ pub struct FrameReport {
     pub obstacle_work: f64,
     /// Largest speed of a particle at the end [m/s].
     pub max_speed: f32,
+    /// Mean forces on walls and obstacles; see `Reactions::forces`.
+    pub forces: Vec<f64>,
 }
 
 /// The rule of the ground truth: taichi_elements' default_dt of 0.02 dx.

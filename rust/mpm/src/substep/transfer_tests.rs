@@ -7,7 +7,7 @@ use super::meeting::Meeting;
 use super::p2g::P2gStep;
 use super::stages::{Stage, Substep};
 use crate::boundary::{
-    Bounds, Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls,
+    Bounds, Contact, ContactKind, MaterialFriction, Obstacles, Reactions, WallContact, Walls,
 };
 use crate::force::FrameForce;
 use crate::grid::Grid;
@@ -146,10 +146,18 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         },
         bounds: &Bounds::new(walls, &layout),
     };
-    substep.run(&[Stage::P2g], &mut groups, &slabs, &mut grid, &team);
+    let mut sums = vec![Reactions::none(0); slabs.len()];
+    substep.run(
+        &[Stage::P2g],
+        &mut groups,
+        &slabs,
+        &mut grid,
+        &mut sums,
+        &team,
+    );
     let momentum = grid.clone();
     let rest = [Stage::GridUpdate, Stage::G2p];
-    let outcome = substep.run(&rest, &mut groups, &slabs, &mut grid, &team);
+    let outcome = substep.run(&rest, &mut groups, &slabs, &mut grid, &mut sums, &team);
     assert!(outcome.sound);
     let Some(MaterialGroup::Water(group)) = groups.pop() else {
         unreachable!()

@@ -77,7 +77,7 @@ impl<const D: usize> Surfaces<D> {
                 let mut particle = block.get(lane);
                 let friction = self.frictions[usize::from(particle.material)];
                 self.obstacles
-                    .push_out(&mut particle.x, &mut particle.v, friction);
+                    .push_out(&mut particle.x, &mut particle.v, friction, |_, _, _| ());
                 block.set(lane, &particle.x, &particle.v);
             }
         }
