@@ -16,7 +16,8 @@ LIMITS = {
     # 250 lines find gaps, sinks and bodies that a grid chokes, and bound the errors of plans.
     # 200 lines find fast impacts and torn bodies.
     # 70 lines choose learned plans in 3D, and train controlnet on data sets.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_490),
+    # 160 lines read forces and torques of walls and obstacles.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_640),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -35,7 +36,8 @@ LIMITS = {
     # 160 lines throw matter faster than sound, and sum its energy.
     # 90 lines are for listeners of jobs, shares of keys, and logs that many download; 200 for crowds.
     # 140 lines are for learned plans in 3D, and for trainings on data sets that are ended.
-    "tests": (("tests/**.py",), 29_780),
+    # 170 lines balance forces with momentum and closed forms.
+    "tests": (("tests/**.py",), 29_950),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
