@@ -15,9 +15,9 @@ LIMITS = {
     # 650 lines train networks on scene files and data sets, and show how long that takes without a terminal.
     # 250 lines find gaps, sinks and bodies that a grid chokes, and bound the errors of plans.
     # 200 lines find fast impacts and torn bodies.
-    # 70 lines choose learned plans in 3D, and train controlnet on data sets.
+    # 80 lines choose learned plans in 3D, and train controlnet on data sets.
     # 160 lines read forces and torques of walls and obstacles.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_640),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_650),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
