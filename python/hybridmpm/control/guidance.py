@@ -286,7 +286,7 @@ def prepare(
         needs = goal.needs(longest, largest)
     frames = needs.frames
     planner, reason = chosen(method, simulator.scene, goal)
-    blocked = any(one.reason in ("wall", "obstacle") for one in needs.obstructions)
+    blocked = any(one.reason in ("wall", "obstacle", "shape") for one in needs.obstructions)
     hurried = needs.acceleration > _STRAIN * largest
     if gentle and isinstance(method, str) and (blocked or hurried):
         largest = min(largest, ease(largest))

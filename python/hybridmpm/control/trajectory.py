@@ -7,12 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
-from hybridmpm.control.goal.region import NEAR
+from hybridmpm.control.goal.region import FULL, NEAR
 
 Ending = Literal["done", "cancelled", "superseded", "failed"]
 """End of a followed sketch. superseded: another caller advanced or reset the simulator."""
-
-_SHARE = 0.95
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class SketchResult:
 
         The centre of mass is at most 1 cm off, and 95 % of the mass is in the goal where one is filled.
         """
-        return self.miss <= NEAR and (self.inside is None or self.inside >= _SHARE)
+        return self.miss <= NEAR and (self.inside is None or self.inside >= FULL)
 
     def __str__(self) -> str:
         parts = []

@@ -40,6 +40,17 @@ class Gap:
     """Paths of the obstacles, or names of the walls."""
     width: float
     """Width [m]."""
+    place: tuple[float, ...]
+    """Point in it (D,) [m]."""
+
+    @property
+    def at_wall(self) -> bool:
+        """Whether a wall is one of the solids."""
+        return any("wall" in name for name in self.between)
+
+    def clear(self, resolution: int) -> float:
+        """Return the width [m] through which something flows on a grid of `resolution` cells per metre."""
+        return max(0.0, self.width - _LOST / resolution * (0.5 if self.at_wall else 1.0))
 
     def flow(self, resolution: int, *, is_sand: bool = False) -> float:
         """Return the share of a flow [-] that a grid of `resolution` cells per metre lets through.
@@ -108,7 +119,7 @@ def _gaps(
             known = found.get(solids)
             if is_gap and not (known and known.width <= width) and not _leads(wide.reshape(shape), *starts):
                 between = (names[solids // len(names)], names[solids % len(names)])
-                found[solids] = Gap(between, width)
+                found[solids] = Gap(between, width, tuple(x[point].tolist()))
     return tuple(sorted(found.values(), key=lambda gap: gap.width))
 
 

@@ -175,7 +175,7 @@ class ForceBody(Answer):
 class ObstructionBody(Answer):
     """A reason why a goal is out of reach."""
 
-    reason: Literal["wall", "obstacle", "time", "cap"]
+    reason: Literal["wall", "obstacle", "shape", "time", "cap"]
     """Kind of the obstruction."""
     message: str
     """Description of the obstruction, with a remedy."""

@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,14 +12,15 @@ from hybridmpm import _core
 from hybridmpm.control.goal.bends import Bends, resampled
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.paths import Paths, arrow_path, cornered
-from hybridmpm.control.goal.region import NEAR, Fill, Oval, Region, gathered, region_of
+from hybridmpm.control.goal.region import FULL, NEAR, Fill, Oval, Region, gathered, region_of
 from hybridmpm.control.goal.room import Room, RoomGrid
 from hybridmpm.control.goal.threads import threaded
 from hybridmpm.control.sketch.sketch import Arrow, Sketch
 from hybridmpm.scene import Scene
+from hybridmpm.scene.gaps import Gap, narrow_gaps
 from hybridmpm.scene.particle_types import SAND
 
-Reason = Literal["wall", "obstacle", "time", "cap"]
+Reason = Literal["wall", "obstacle", "shape", "time", "cap"]
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,9 @@ class Obstruction:
     """Reason for which a goal is out of reach."""
 
     reason: Reason
-    """wall: no room between the walls. obstacle: no path leads there. time: the frames are too few for the
-    cap. cap: no number of frames is enough."""
+    """wall: no room between the walls. obstacle: no path leads there, or only a gap that takes more frames.
+    shape: elastic bodies keep theirs. time: the frames are too few for the cap. cap: no number of frames is
+    enough."""
     message: str
     """Cause and remedy."""
 
@@ -86,6 +89,12 @@ _CROWD = 1.6
 whole with it, 6 without."""
 _TOUCHING = 0.002
 """Share of an elastic body that may lie in obstacles at the tip, which turn it."""
+_THROUGH = 1.15
+"""Largest mean speed of a fluid in a gap, over the width that the grid leaves free [m/s].
+
+Along an arrow it is twice as much beside a wall."""
+_PASSED = 0.05
+"""Share of a fluid that has to pass a gap, above which the gap counts [-]."""
 _SOLID = 0.5
 """Share of elastic mass from which on a body is led round obstacles as a whole only."""
 _THIN = 2.0
@@ -129,9 +138,27 @@ class Goal:
         return not self.paths.together and bool((np.diff(self.paths.starts) > 2).any())
 
     @property
+    def tip_is_free(self) -> bool:
+        """Whether the centre of mass ends between the walls and in no obstacle."""
+        return bool(self.room.is_free(self.path[-1:]).all())
+
+    @property
     def squeezes(self) -> bool:
         """Whether an arrow leads through gaps that are too narrow for the body as a whole."""
         return self.drawn is None and self.leads_around
+
+    @cached_property
+    def gap(self) -> tuple[Gap, float] | None:
+        """The gap that takes longest to pass for those who go in groups, and the time it takes [s]."""
+        cloud, slowest = self.cloud, None
+        depth = cloud.volume ** (1 / 3) if cloud.dim == 3 else 1.0
+        for gap in narrow_gaps(self.room.scene) if self.leads_around else ():
+            volume = cloud.volume * self.paths.passing(np.array(gap.place), gap.width)
+            speed = _THROUGH * (2 if gap.at_wall and self.drawn is None else 1)
+            seconds = volume / max(speed * depth * gap.clear(self.room.scene.resolution), 1e-9)
+            if volume > _PASSED * cloud.volume and not (slowest and slowest[1] >= seconds):
+                slowest = gap, seconds
+        return slowest
 
     def end(self) -> tuple[Floats, Floats | None]:
         """Return mean and spread of the end in the sketch.
@@ -187,7 +214,12 @@ class Goal:
             frames = self._fewest_frames(ease(cap), frames) or int(_FRAMES[-1])
         if self.squeezes:
             frames = min(5 * round(_CROWD * frames / 5), int(_FRAMES[-1]))
+        if self.gap is not None:
+            frames = max(frames, min(self._frames_through(self.gap[1]), int(_FRAMES[-1])))
         return frames
+
+    def _frames_through(self, seconds: float) -> int:
+        return 5 * int(np.ceil(seconds / self.cloud.frame_dt / 5 - 1e-9))
 
     def _fewest_frames(self, acceleration: float, known: int) -> int | None:
         """Return the smallest number of frames that needs at most an acceleration [g]; None if there is none.
@@ -206,7 +238,7 @@ class Goal:
         suggested = self.suggested_frames(cap)
         frames = suggested if frames is None else frames
         effort = self.paths.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
-        obstructions = list(self._closed_in())
+        obstructions = [*self._closed_in(), *self._choked(frames)]
         if effort.acceleration > cap:
             obstructions.append(self._too_weak(frames, effort.acceleration, cap))
         return Needs(
@@ -258,14 +290,18 @@ class Goal:
             found.append(Obstruction("obstacle", f"{text}: draw the goal on its side of them"))
         sand = float(self.cloud.weight @ (self.cloud.types == SAND))
         # Some of the groups stay behind; water that need fill no region makes up for them.
-        if self.squeezes and (sand > _SOLID or self.region is not None):
+        if self.squeezes and self.tip_is_free and (sand > _SOLID or self.region is not None):
             text = "the gap is too narrow for the fluid to pass whole"
             found.append(Obstruction("obstacle", f"{text}: draw the arrow through a wider one"))
-        if self.drawn is None and not self.room.is_free(self.path[-1:]).all():
-            found.append(
-                Obstruction("wall", "the arrow leads the centre of mass out of the room: shorten it")
-            )
-        elif self.drawn is None and cut_off == 0:
+        if self.drawn is not None:
+            return [*found, *self._shapeless()]
+        if not self.room.within_walls(self.path[-1:]).all():
+            text = "the arrow leads the centre of mass out of the room"
+            found.append(Obstruction("wall", f"{text}: shorten it"))
+        elif not self.tip_is_free:
+            text = "the arrow leads the centre of mass into an obstacle"
+            found.append(Obstruction("obstacle", f"{text}: end it beside that"))
+        elif cut_off == 0:
             off = float(np.linalg.norm(self.cloud.weight @ self.paths.places - self.path[-1]))
             if self.region is not None and self.cloud.elastic > _SOLID:
                 text = "walls and obstacles leave no room at the tip for the shape of the elastic body"
@@ -274,6 +310,27 @@ class Goal:
                 text = f"walls and obstacles keep the centre of mass {100 * off:.0f} cm from the tip"
                 found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
         return found
+
+    def _shapeless(self) -> list[Obstruction]:
+        """Return the obstruction that elastic bodies, moved to an oval as they are, do not lie in it."""
+        moved = self.cloud.x + self.target_displacement
+        inside = self.inside(moved)
+        if (
+            self.cloud.elastic <= _SOLID
+            or inside is None
+            or (share := float(self.cloud.weight @ inside)) >= FULL
+        ):
+            return []
+        text = f"of elastic bodies in the shape that they have, {100 * share:.0f} % would lie in it"
+        return [Obstruction("shape", f"{text}: draw it round that shape, or draw an arrow")]
+
+    def _choked(self, frames: int) -> list[Obstruction]:
+        """Return the obstruction that a gap lets the fluid pass too slowly for a number of frames."""
+        if self.gap is None or frames * self.cloud.frame_dt >= self.gap[1]:
+            return []
+        enough = self._frames_through(self.gap[1])
+        text = f"the fluid takes {enough} frames to pass the gap of {100 * self.gap[0].width:.2g} cm"
+        return [Obstruction("obstacle", f"{text}: take as many, or draw the goal where the way is wider")]
 
     def _too_weak(self, frames: int, acceleration: float, cap: float) -> Obstruction:
         text = f"{frames} frames take {acceleration:.1f} g, and {cap:g} g are allowed"

@@ -212,6 +212,16 @@ class Paths:
         corners[firsts + 1] = corners[firsts] + reach * way
         return dataclasses.replace(self, places=places, corners=corners)
 
+    def passing(self, place: Floats, reach: float) -> float:
+        """Return the share of the mass [-] whose path comes within a distance of a place (D,) [m]."""
+        step = np.diff(self.corners, axis=0)
+        square = np.maximum((step**2).sum(axis=1), 1e-18)
+        along = np.clip(((place - self.corners[:-1]) * step).sum(axis=1) / square, 0, 1)
+        away = np.linalg.norm(self.corners[:-1] + along[:, None] * step - place, axis=1)
+        away = np.append(away, np.inf)
+        away[self.starts[1:] - 1] = np.inf  # From the end of one path to the start of the next leads none.
+        return float(self.weight @ (np.minimum.reduceat(away, self.starts[:-1].astype(int)) <= reach))
+
     @property
     def offset(self) -> Floats:
         """Distance of each particle's place from the end of its group's path (N, D) [m]."""

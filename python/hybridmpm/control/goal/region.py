@@ -78,6 +78,8 @@ Fill = Literal["even", "shrink"]
 
 NEAR = 0.01
 """Largest distance of the centre of mass from the drawn end at which that is reached [m]."""
+FULL = 0.95
+"""Least share of the mass inside of a region at which that counts as filled [-]."""
 _CENTRED = 0.7 * NEAR
 """Distance of a region's middle from the tip at which its fluid arrives there [m]."""
 _SHIFTS = 40
@@ -111,7 +113,9 @@ class Region:
         return self.room.is_free(x) & (self.oval.level(x) <= scale)
 
 
-def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
+def region_of(
+    oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill, name: str = "the oval"
+) -> Region:
     """Return the region of an oval that a fluid is to fill.
 
     Where the free part of the oval is smaller than the fluid, the oval grows in the same shape until its free
@@ -127,6 +131,8 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
     particles : int
         Number of particles.
     fill : "even" or "shrink"
+    name : str
+        Name of the oval in the message.
 
     Raises
     ------
@@ -135,8 +141,8 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
     """
     if not room.is_free(oval.sample()).any():
         raise SketchError(
-            "no part of the oval is free: it lies in obstacles or outside of the walls; draw it where the "
-            "fluid can be"
+            f"no part of {name} is free: it lies in obstacles or outside of the walls; draw the goal where "
+            "the fluid can be"
         )
     return _filled(oval, room, volume=volume, particles=particles, fill=fill)
 
@@ -165,7 +171,8 @@ def gathered(tip: Floats, room: Room, *, volume: float, particles: int) -> Regio
     Parameters are otherwise those of `region_of`.
     """
     start = np.clip(tip, room.lower, room.upper)
-    region = region_of(Oval.ball(start, volume), room, volume=volume, particles=particles, fill="shrink")
+    around, name = Oval.ball(start, volume), "the place for the fluid around the tip"
+    region = region_of(around, room, volume=volume, particles=particles, fill="shrink", name=name)
     if np.linalg.norm(region.cells.mean(axis=0) - tip) <= NEAR or not room.is_free(tip[None]).all():
         return region
     nodes, side = room.lattice()

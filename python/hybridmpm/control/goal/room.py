@@ -29,6 +29,7 @@ class Room:
         """Corner of the walls with the smallest coordinates (D,) [m]."""
         self.upper: Floats = np.array(scene.walls.upper)
         """Corner of the walls with the largest coordinates (D,) [m]."""
+        self.scene = scene
         self._solids = [obstacle.to_native() for obstacle in scene.obstacles]
         self._time = time
 
