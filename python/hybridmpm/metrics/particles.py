@@ -1,6 +1,6 @@
 """Measures of particles: energies, centre of mass, density, neighbours and penetration."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +38,7 @@ def kinetic_energy(v: npt.ArrayLike, mass: npt.ArrayLike) -> _Floats:
     return np.asarray(0.5 * ((velocity**2).sum(axis=-1) * masses).sum(axis=-1))
 
 
-def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: Sequence[float]) -> _Floats:
+def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: npt.ArrayLike) -> _Floats:
     """Return the potential energy, minus the sum of m g . x, which is zero at the origin as in `Diagnostics`.
 
     Parameters
@@ -47,7 +47,7 @@ def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: Sequence[fl
         Positions [m].
     mass : (N,)
         Masses [kg].
-    gravity : D floats
+    gravity : (D,)
         Gravity g [m/s^2].
 
     Returns
@@ -61,9 +61,10 @@ def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: Sequence[fl
         A shape is wrong, a position is not finite, or a mass is not above 0.
     """
     positions, masses = checked_particles("x", x, mass)
-    if len(gravity) != positions.shape[-1]:
-        raise ConfigError(f"gravity must have {positions.shape[-1]} numbers, got {len(gravity)}")
-    return np.asarray(-((positions @ np.asarray(gravity, dtype=np.float64)) * masses).sum(axis=-1))
+    g = float64("gravity", gravity)
+    if g.shape != positions.shape[-1:]:
+        raise ConfigError(f"gravity must have shape {positions.shape[-1:]}, got {g.shape}")
+    return np.asarray(-((positions @ g) * masses).sum(axis=-1))
 
 
 def energy_error(predicted: npt.ArrayLike, true: npt.ArrayLike) -> _Floats:

@@ -7,9 +7,19 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from hybridmpm._support.arguments import float64
+from hybridmpm.errors import ConfigError
 from hybridmpm.scene.fields import Point, Points, Seed, Velocity
 from hybridmpm.scene.materials import Material
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
+
+
+def _points(x: npt.ArrayLike, dim: int) -> Points:
+    """Return points (N, D) as float64, or raise `ConfigError`."""
+    points = float64("x", x)
+    if points.ndim != 2 or points.shape[1] != dim:
+        raise ConfigError(f"x must have shape (N, {dim}), got {points.shape}")
+    return points
 
 
 class _Body(Shaped):
@@ -29,6 +39,7 @@ class Box(BoxShape, _Body):
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
         lower, upper = self.bounds
+        x = _points(x, len(lower))
         return np.asarray(((x > lower) & (x < upper)).all(axis=1))
 
 
@@ -43,7 +54,9 @@ class Ball(BallShape, _Body):
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
-        inside: npt.NDArray[np.bool_] = ((x - np.array(self.center)) ** 2).sum(axis=1) < self.radius**2
+        inside: npt.NDArray[np.bool_] = ((_points(x, len(self.center)) - np.array(self.center)) ** 2).sum(
+            axis=1
+        ) < self.radius**2
         return inside
 
 
@@ -65,7 +78,7 @@ class Cylinder(CylinderShape, _Body):
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 3) lie strictly inside; shape (N,)."""
         along = self.direction
-        from_start = x - np.array(self.start)
+        from_start = _points(x, 3) - np.array(self.start)
         height = from_start @ along
         beside = ((from_start - height[:, None] * along) ** 2).sum(axis=1)
         return np.asarray((height > 0) & (height < self.length) & (beside < self.radius**2))
@@ -100,6 +113,7 @@ class Polygon(_Body):
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 2) lie inside; shape (N,)."""
+        x = _points(x, 2)
         order = np.argsort(x[:, 1])
         across, height = x[order].T
         odd = np.zeros(len(x), dtype=bool)

@@ -3,15 +3,24 @@
 import math
 from dataclasses import dataclass
 from datetime import date
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
 
-from hybridmpm._support.arguments import no_truth_value
+from hybridmpm._support.arguments import no_truth_value, unmasked
 from hybridmpm.errors import SceneError
 
 
@@ -58,13 +67,13 @@ Points = npt.NDArray[np.float64]
 """Points or vectors (..., D)."""
 Coordinate = Annotated[float, Range(0, 1, "m")]
 Length = Annotated[float, Range(0, 1, "m", open_low=True)]
-Point = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
+_Unmasked = BeforeValidator(partial(unmasked, "the vector", error=ValueError))
+_Size = Field(min_length=2, max_length=3)
+Point = Annotated[tuple[Coordinate, ...], _Size, _Unmasked]
 """Point of the world box, D coordinates [m]."""
-Direction = Annotated[tuple[Annotated[float, Range(-1e3, 1e3)], ...], Field(min_length=2, max_length=3)]
-Velocity = Annotated[tuple[Annotated[float, Range(-50, 50, "m/s")], ...], Field(min_length=2, max_length=3)]
-Gravity = Annotated[
-    tuple[Annotated[float, Range(-1000, 1000, "m/s^2")], ...], Field(min_length=2, max_length=3)
-]
+Direction = Annotated[tuple[Annotated[float, Range(-1e3, 1e3)], ...], _Size, _Unmasked]
+Velocity = Annotated[tuple[Annotated[float, Range(-50, 50, "m/s")], ...], _Size, _Unmasked]
+Gravity = Annotated[tuple[Annotated[float, Range(-1000, 1000, "m/s^2")], ...], _Size, _Unmasked]
 Seed = Annotated[int, Range(0, 2**53 - 1)]
 """Seed of a random generator, below 2**53: JavaScript's numbers hold integers exactly only up to there."""
 

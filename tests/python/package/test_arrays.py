@@ -14,9 +14,13 @@ import numpy.typing as npt
 import pytest
 
 from hybridmpm import (
+    Box,
     ConfigError,
     ForceError,
+    MpmBatch,
     MpmSolver,
+    Scene,
+    SceneError,
     SketchError,
     _native,
     control,
@@ -173,6 +177,12 @@ def _forced(force: Any) -> MpmSolver:
     return solver
 
 
+def _batched(force: Array) -> MpmSolver:
+    batch = MpmBatch([SCENE])
+    batch.advance(1, [force])
+    return batch[0]
+
+
 PUBLIC: dict[str, tuple[Call, dict[str, Array]]] = {
     "radius_graph": (lambda x: radius_graph(x, 0.1), {"x": X}),
     "MpmSolver.advance": (_forced, {"force": RNG.normal(size=(COUNT, 2)).astype(np.float32)}),
@@ -192,6 +202,39 @@ PUBLIC: dict[str, tuple[Call, dict[str, Array]]] = {
         {"predicted": X, "predicted_mass": ONE, "true": X + V, "true_mass": ONE},
     ),
     "probes.Pressure": (lambda points: MpmSolver(SCENE).probe(probes.Pressure(points)), {"points": X[:4]}),
+    "metrics.potential_energy": (
+        metrics.potential_energy,
+        {"x": X, "mass": ONE, "gravity": np.array([0.5, -9.81])},
+    ),
+    **{
+        f"metrics.{distance.__name__}": (
+            distance,
+            {"predicted": X, "predicted_mass": ONE, "true": X + V, "true_mass": ONE},
+        )
+        for distance in (metrics.sinkhorn_distance, metrics.sliced_distance, metrics.transport_distance)
+    },
+    "Scene": (
+        lambda lower, velocity, gravity: Scene(
+            dim=2,
+            gravity=gravity,
+            bodies=[Box(material="water", lower=lower, upper=(0.5, 0.5), velocity=velocity)],
+        ),
+        {"lower": np.array([0.2, 0.3]), "velocity": V[0].astype(float), "gravity": np.array([0.5, -9.81])},
+    ),
+    "Box.contains": (SCENE.bodies[0].contains, {"x": X.astype(float)}),
+    "control.Ellipse": (
+        lambda center, axes: control.Ellipse(center, axes, 0.3).outline(9),
+        {"center": np.array([0.5, 0.4]), "axes": np.array([0.2, 0.1])},
+    ),
+    "control.classify_stroke": (control.classify_stroke, {"points": SKETCH}),
+    "MpmBatch.advance": (
+        _batched,
+        {"force": RNG.normal(size=(COUNT, 2)).astype(np.float32)},
+    ),
+    "probes.Flow": (
+        lambda start, end: MpmSolver(SCENE).probe(probes.Flow(start, end)),
+        {"start": np.array([0.2, 0.1]), "end": np.array([0.2, 0.6])},
+    ),
     "control.Arrow": (lambda points: control.Arrow(points).points, {"points": SKETCH}),
     "control.push": (
         lambda point, velocity: control.push(point, velocity, 0.1)(MpmSolver(SCENE)),
@@ -301,7 +344,7 @@ def test_arrays_are_read_in_the_order_of_their_indices(name: str, layout: str, t
 def test_what_is_no_such_array_is_refused_in_a_sentence(name: str, kind: str) -> None:
     call, arrays = NATIVE[name] if name in NATIVE else PUBLIC[name.removeprefix("public ")]
     for argument, array in arrays.items():
-        with pytest.raises((ConfigError, ForceError, SketchError)) as caught:
+        with pytest.raises((ConfigError, ForceError, SceneError, SketchError)) as caught:
             call(**(arrays | {argument: REFUSED[kind](array)}))
         text = str(caught.value)
         assert "\n" not in text
