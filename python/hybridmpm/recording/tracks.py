@@ -23,7 +23,8 @@ class Tracks:
 
     def __init__(self, solver: Simulator, rows: int, *names: str) -> None:
         self._solver = solver
-        self._tables = {name: self._absent(rows, solver.particle_count) for name in names}
+        # Rows are filled when they are taken: to fill a large table takes long, and Ctrl-C would wait for it.
+        self._tables = {name: self._room(rows, solver.particle_count) for name in names}
         self.ids = np.empty(0, dtype=np.uint64)
         """Ids (N,) of the columns' particles, ascending."""
         self.types = np.empty(0, dtype=np.uint8)
@@ -32,7 +33,7 @@ class Tracks:
         """Masses (N,) of the columns' particles [kg]."""
 
     def __getitem__(self, name: str) -> npt.NDArray[np.float32]:
-        """Return the array (rows, N, D) of a property."""
+        """Return the array (rows, N, D) of a property; rows that were not taken have no meaning."""
         return self._tables[name][:, : len(self.ids)]
 
     def take(self, row: int) -> None:
@@ -45,19 +46,21 @@ class Tracks:
         columns = np.searchsorted(self.ids, ids)
         for name in self._tables:
             self._grow(name)
+            self._tables[name][row] = np.nan
             self._tables[name][row, columns] = getattr(self._solver, name)
 
     def lengthen(self, rows: int) -> None:
         """Make room for more rows."""
         for name, table in self._tables.items():
-            self._tables[name] = np.concatenate([table, self._absent(rows, table.shape[1])])
+            self._tables[name] = np.concatenate([table, self._room(rows, table.shape[1])])
 
     def _grow(self, name: str) -> None:
         table = self._tables[name]
         rows, room, _ = table.shape
         if room < len(self.ids):
-            more = self._absent(rows, max(len(self.ids), room + room // 2) - room)
+            more = self._room(rows, max(len(self.ids), room + room // 2) - room)
+            more[:] = np.nan
             self._tables[name] = np.concatenate([table, more], axis=1)
 
-    def _absent(self, rows: int, columns: int) -> npt.NDArray[np.float32]:
-        return np.full((rows, columns, self._solver.dim), np.nan, dtype=np.float32)
+    def _room(self, rows: int, columns: int) -> npt.NDArray[np.float32]:
+        return np.empty((rows, columns, self._solver.dim), dtype=np.float32)
