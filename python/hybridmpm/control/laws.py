@@ -227,6 +227,10 @@ class Tracked:
             else {"lower": grid.lower, "spacing": grid.spacing, "distance": grid.distance},
         )
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields alone: the compiled tracks are made anew from them."""
+        return {name: value for name, value in vars(self).items() if name != "_tracks"}
+
     @cached_property
     def _tracks(self) -> _core.Tracks:
         return _core.Tracks(

@@ -15,6 +15,7 @@ import pytest
 from hybridmpm import (
     AutoSolver,
     BallSink,
+    BoxObstacle,
     CancelFlag,
     HybridSimulator,
     MpmBatch,
@@ -127,6 +128,23 @@ def test_reports_and_what_else_is_kept_survive(way: str) -> None:
     assert (batch[0].frame, twin[0].frame) == (0, 2)
     model = NeuralModel.load("fluids_2d")
     assert WAYS[way](model).sha256 == model.sha256
+
+
+@pytest.mark.parametrize("way", ["deepcopy", "pickle 5"])
+@pytest.mark.parametrize("method", ["analytic", "controlnet"])
+@pytest.mark.parametrize("obstacles", [(), (BoxObstacle(lower=(0.5, 0.1), upper=(0.54, 0.4)),)], ids=len)
+def test_a_followed_sketch_goes_on_with_the_same_bits(obstacles: Any, method: str, way: str) -> None:
+    solver = MpmSolver(SCENE.model_copy(update={"obstacles": obstacles}))
+    solver.advance(20)
+    following = control.follow(solver, control.Arrow([(0.3, 0.3), (0.7, 0.5)]), method, frames=100)
+    for _ in range(5):
+        next(following)
+    twin = WAYS[way](following)
+    for _ in range(3):
+        assert next(twin).force.tobytes() == next(following).force.tobytes()
+    assert twin.simulator is not solver
+    assert twin.simulator.snapshot() == solver.snapshot()
+    assert twin.guidance.needs() == following.guidance.needs()
 
 
 @pytest.mark.parametrize("method", ["spawn", "forkserver"])

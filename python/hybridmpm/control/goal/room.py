@@ -33,6 +33,10 @@ class Room:
         self._solids = [obstacle.to_native() for obstacle in scene.obstacles]
         self._time = time
 
+    def __reduce__(self) -> tuple[type["Room"], tuple[Scene, float]]:
+        """Return what makes the room anew, in copies and pickles: compiled obstacles have neither."""
+        return Room, (self.scene, self._time)
+
     def distance(self, x: Floats) -> Floats:
         """Return the signed distance (N,) [m] of the nearest obstacle from points (N, D)."""
         nearest = np.full(len(x), np.inf)
@@ -87,6 +91,10 @@ class RoomGrid:
     """Distance of the nodes [m]."""
     distance: Floats
     """Signed distance of the nearest obstacle in each node, D axes [m]."""
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields alone: what is computed from them is computed anew."""
+        return {name: getattr(self, name) for name in ("lower", "spacing", "distance")}
 
     @cached_property
     def nodes(self) -> Floats:
