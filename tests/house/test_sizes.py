@@ -17,7 +17,8 @@ LIMITS = {
     # 200 lines find fast impacts and torn bodies.
     # 80 lines choose learned plans in 3D, and train controlnet on data sets.
     # 160 lines read forces and torques of walls and obstacles.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_650),
+    # 170 lines count the time that gaps take, and copy sketches that are followed.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_820),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -37,7 +38,8 @@ LIMITS = {
     # 90 lines are for listeners of jobs, shares of keys, and logs that many download; 200 for crowds.
     # 140 lines are for learned plans in 3D, and for trainings on data sets that are ended.
     # 170 lines balance forces with momentum and closed forms.
-    "tests": (("tests/**.py",), 29_950),
+    # 100 lines pass gaps of some cells, and copy sketches that are followed.
+    "tests": (("tests/**.py",), 30_050),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -144,7 +144,7 @@ def test_an_oval_where_no_fluid_can_be_is_refused(service: Any, path: str) -> No
     answer = service.http.post(f"{path}/sketches", json={"strokes": [{"points": points, "kind": "ellipse"}]})
     found = problem(answer, 422)
     assert found["type"] == "urn:hybridmpm:problem:bad-sketch"
-    assert "draw it where the fluid can be" in found["detail"]
+    assert "draw the goal where the fluid can be" in found["detail"]
     assert service.http.get(path).json()["control"] is None
 
 
