@@ -42,9 +42,9 @@ class Rounds:
 
     async def turn(self, client: Client) -> None:
         """Wait for a round in which a client may go on."""
-        future = asyncio.get_running_loop().create_future()
-        self.do(client, lambda: future.done() or future.set_result(None))
-        await future
+        may_go_on = asyncio.Event()
+        self.do(client, may_go_on.set)
+        await may_go_on.wait()
 
     def _schedule(self) -> None:
         if self._handle is None:

@@ -4,6 +4,7 @@ Whatever a client can make expensive has a turn: creation, checks, plans, replay
 sets and large answers. Only as many turns run at once as there are cores. The others wait, or pause where
 they are. Those run whose client has had the least time lately: counted by address first, by connection then.
 One more runs among those that are short, so that short work does not wait for the long work of others.
+Whether work is short is a matter of the time that a core computes for it: on a busy machine all work is slow.
 """
 
 import asyncio
@@ -37,13 +38,16 @@ and half of it for anything but scenes [bytes]."""
 HEAVY = 24 << 20
 """Memory of a scene that is built, or of a process that checks one [bytes]; other work counts as nothing."""
 SHORT_SECONDS = 0.1
-"""Time after which a turn is no longer among the short ones."""
+"""Time of a core after which a turn is no longer among the short ones [s]."""
 STUCK_SECONDS = 5.0
 """Time without a first start after which work that waits is stuck: the server is not ready."""
 
 
 class Client(NamedTuple):
-    """A client as the server sees it: the address, and the connection from there."""
+    """A client as the server sees it: the address, and the connection from there.
+
+    All connections of an address that have sent no request before are connection 0.
+    """
 
     address: str = ""
     connection: int = 0
@@ -72,7 +76,7 @@ class Turn:
         self.flag = CancelFlag()
         """Set at the end: it ends a frame that is being computed."""
         self.spent = 0.0
-        """Time for which the turn has run [s]."""
+        """Time that counts for its client: of a core while it is short, afterwards that of its run [s]."""
         self.started = asyncio.Event()
         self.threads = 0
         """Number of threads that work for it; they may outlive it until their next check."""
@@ -80,6 +84,8 @@ class Turn:
         self._go = threading.Event()
         self._pid = 0
         self._error: Exception | None = None
+        self._computed = 0.0
+        self._working: dict[object, tuple[Callable[[], float], float]] = {}
         self._apart: asyncio.Task[Any] | None = None
 
     @property
@@ -90,7 +96,21 @@ class Turn:
     @property
     def short(self) -> bool:
         """Whether the work is expected to be short, and has been so far."""
-        return self._begins_short and self.spent < SHORT_SECONDS
+        return self._begins_short and self.computed < SHORT_SECONDS
+
+    @property
+    def computed(self) -> float:
+        """Time for which a core has computed for it [s]."""
+        working = list(self._working.values())
+        return self._computed + sum(clock() - start for clock, start in working)
+
+    def count(self, passed: float) -> float:
+        """Count some time for which it ran [s]; return what of it counts for its client."""
+        if self._apart is not None:
+            self._computed += passed
+        counts = max(0.0, self.computed - self.spent) if self.short else passed
+        self.spent += counts
+        return counts
 
     def check(self) -> None:
         """Wait while others have precedence. Called between pieces of work, in its thread.
@@ -112,11 +132,16 @@ class Turn:
 
         def checked() -> T:
             self.check()
+            clock = thread_clock()
+            self._working[checked] = clock, (start := clock())
             try:
                 return work()
             except FrameCancelledError:
                 self.check()
                 raise
+            finally:
+                del self._working[checked]
+                self._computed += clock() - start
 
         def ended(_: Future[T]) -> None:
             self.threads -= 1
@@ -340,14 +365,23 @@ class Turns:
         for turn in self._turns:
             if not turn.running or turn.flag.is_set:
                 continue
-            turn.spent += passed
+            counts = turn.count(passed)
             for key in (turn.client.address, turn.client):
-                self._spent[key] += passed
+                self._spent[key] += counts
 
     def _precedence(self, turn: Turn) -> tuple[float, float, bool, float, int]:
         client, age = turn.client, 0.0 if turn.background else turn.spent
         spent = (self._spent.get(client.address, 0.0), self._spent.get(client, 0.0))
         return *spent, turn.background, age, turn.number
+
+
+def thread_clock() -> Callable[[], float]:
+    """Return the clock of what this thread computes [s], to be read in any thread."""
+    try:
+        number = time.pthread_getcpuclockid(threading.get_ident())
+    except AttributeError:  # a system without such clocks
+        return time.monotonic
+    return lambda: time.clock_gettime(number)
 
 
 def _fits(turn: Turn, taken: Counter[str]) -> bool:

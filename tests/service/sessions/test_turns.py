@@ -5,13 +5,14 @@ import os
 import signal
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from tests.service.conftest import until
+from tests.service.conftest import WAIT_SECONDS, until
 
 from hybridmpm import Ball, BallObstacle, Scene, SceneError
 from hybridmpm.scene import Motion
@@ -25,9 +26,19 @@ from hybridmpm_service.sessions.turns import CLIENT, Client, Turn, Turns
 pytestmark = pytest.mark.anyio
 
 
+_computed: defaultdict[int, float] = defaultdict(float)
+"""Time that each thread has computed, as the steps of `_Long` count it [s]."""
+
+
 @pytest.fixture
-async def turns(request: pytest.FixtureRequest) -> AsyncIterator[Turns]:
+async def turns(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Turns]:
     """Return turns, of which one at a time runs unless a test gives another number."""
+
+    def clock() -> Callable[[], float]:
+        thread = threading.get_ident()
+        return lambda: _computed[thread]
+
+    monkeypatch.setattr(module, "thread_clock", clock)
     made = Turns(getattr(request, "param", 1))
     yield made
     made.close(UnavailableError("the test ends"))
@@ -52,6 +63,7 @@ class _Long:
             turn.check()
             self.steps += 1
             time.sleep(0.001)
+            _computed[threading.get_ident()] += 0.001
 
     async def end(self) -> None:
         self.task.cancel()
@@ -85,21 +97,42 @@ async def test_short_work_does_not_wait_for_the_long_work_of_equals(
     """Each of the others has had less time than the client whose work is short."""
     now = time.monotonic()
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now))
+
+    def compute() -> None:
+        _computed[threading.get_ident()] += 0.09
+
     CLIENT.set(Client("a", 100))
-    async with turns.turn():
-        now += 0.09
+    await turns.run(compute)
     long = [_Long(turns, Client("a", port), short=False) for port in range(20)]
     await until(lambda: long[0].steps)
     CLIENT.set(Client("a", 100))
     await turns.run(lambda: None)
     assert long[1].turn is None
     slow = _Long(turns, Client("a", 100))
-    await until(lambda: slow.steps)
-    now += 0.11
-    await until(lambda: slow.turn is not None and not slow.turn.running)
+    await until(lambda: slow.turn is not None and slow.steps > 100 and not slow.turn.running)
     await turns.run(lambda: None)
     for one in (*long, slow):
         await one.end()
+
+
+async def test_work_is_short_by_what_a_core_computes_however_busy_the_machine(
+    monkeypatch: pytest.MonkeyPatch, turns: Turns
+) -> None:
+    now, begun, end = time.monotonic(), threading.Event(), threading.Event()
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now))
+
+    def wait_for_a_core() -> None:
+        begun.set()
+        assert end.wait(WAIT_SECONDS)
+
+    async with turns.turn() as turn:
+        working = asyncio.create_task(turn.in_thread(wait_for_a_core))
+        await until(begun.is_set)
+        now += 10.0
+        turns._decide()
+        assert (turn.short, turn.running, turn.spent) == (True, True, 0.0)
+        end.set()
+        await working
 
 
 async def test_work_in_the_background_lets_other_work_of_its_connection_pass(turns: Turns) -> None:
