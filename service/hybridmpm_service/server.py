@@ -39,6 +39,8 @@ _SILENT_SECONDS = 60.0
 """Time between two messages in the log that connections cannot be taken."""
 _SWITCH_SECONDS = 0.0005
 """Time after which a thread lets another one run Python code [s]; by default ten times as long."""
+_GARBAGE = 700, 10, 1
+"""Thresholds of the search for circles: a fifth of the usual number of objects between two full ones."""
 _BACKLOG = 1024
 """Number of new connections that may wait for the server."""
 _ACCEPTED = 4
@@ -91,6 +93,8 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
         # A search for circles in all that was imported would take a tenth of a second, amid any call.
         gc.collect()
         gc.freeze()
+        # The more is to be freed by one, the longer it takes.
+        gc.set_threshold(*_GARBAGE)
         # What the first check would have to wait for.
         prepare()
         make_server(app).run(sockets=[listener])

@@ -217,6 +217,7 @@ class RequestProtocol(H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Read a part of a request in its turn."""
         is_first = self.cycle is None
+        self._unset_keepalive_if_required()
 
         def read() -> None:
             if not self.transport.is_closing():

@@ -1,14 +1,33 @@
 """Logs of sessions as JSON, in answers and in bodies."""
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 from weakref import WeakKeyDictionary
 
-from pydantic import ConfigDict, FailFast, Field, model_validator
+from pydantic import (
+    ConfigDict,
+    FailFast,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+from pydantic_core.core_schema import no_info_wrap_validator_function
 
 from hybridmpm import Scene
 from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import Frame, Input, Origin, PushInput, SketchInput, Strict, Versions
+from hybridmpm_service.sessions.inputs import (
+    Frame,
+    Input,
+    Inputs,
+    Origin,
+    PushInput,
+    SketchInput,
+    Strict,
+    Versions,
+)
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
 from hybridmpm_service.sessions.session import Session
@@ -18,6 +37,23 @@ FORMAT = 1
 """Version of the form of a log."""
 _starts: WeakKeyDictionary[Session, bytes] = WeakKeyDictionary()
 """Starts of the logs of sessions, which do not change; a scene may have thousands of bodies."""
+
+
+def _schema_of_inputs(handler: GetCoreSchemaHandler) -> CoreSchema:
+    """Return the schema of the inputs of a log, which may be read already."""
+    # Only the first wrong input is reported: thousands of errors would take long to make.
+    models = Annotated[
+        list[Annotated[Input, Field(discriminator="kind")]], FailFast(), Field(max_length=MAX_INPUTS)
+    ]
+
+    def taken(value: Any, read: Callable[[Any], list[Input]]) -> Inputs:
+        if not isinstance(value, Inputs):
+            return Inputs(read(value))
+        if len(value) > MAX_INPUTS:
+            raise ValueError(f"has {len(value)} inputs, and may have at most {MAX_INPUTS}")
+        return value
+
+    return no_info_wrap_validator_function(taken, handler.generate_schema(models))
 
 
 class LogBody(Strict):
@@ -80,10 +116,7 @@ class LogBody(Strict):
     """Value below which the safeguard alarms."""
     frame: Frame
     """Frame at which the log ends."""
-    # Only the first wrong input is reported: thousands of errors would take long to make.
-    inputs: Annotated[list[Annotated[Input, Field(discriminator="kind")]], FailFast()] = Field(
-        max_length=MAX_INPUTS
-    )
+    inputs: Annotated[Inputs, GetPydanticSchema(lambda _, handler: _schema_of_inputs(handler))]
     """Inputs of the session, in order; frames ascend."""
     digest: str = Field(pattern="^[0-9a-f]{64}$")
     """SHA-256 of the state in which the log ends: ids (uint64), positions and velocities (float32),
@@ -91,13 +124,13 @@ class LogBody(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        frames = [one.frame for one in self.inputs]
+        frames = self.inputs.frames
         if frames != sorted(frames):
             raise ValueError("the frames of the inputs must ascend")
         if frames and frames[-1] > self.frame:
             raise ValueError(f"an input acts in frame {frames[-1]}, after the end of the log at {self.frame}")
-        for one in self.inputs:
-            if isinstance(one, SketchInput) and one.drawn_frame > one.frame:
+        for one in map(self.inputs.sketch, self.inputs.sketches):
+            if one.drawn_frame > one.frame:
                 raise ValueError(
                     f"sketch {one.number} was planned in frame {one.drawn_frame}, after it began to steer"
                 )
@@ -125,27 +158,27 @@ class LogBody(Strict):
         origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()}, scene)
         for place, one in enumerate(self.inputs):
             _check(one, f"body.log.inputs[{place}]", scene.dim, most_sketch_frames)
-        return SessionLog(origin=origin, frame=self.frame, inputs=tuple(self.inputs), digest=self.digest)
+        return SessionLog(origin=origin, frame=self.frame, inputs=self.inputs, digest=self.digest)
 
 
 async def text_of(session: Session, turns: Turns) -> bytes:
     """Return the log of a session as JSON; errors as `Session.log`.
 
-    Whatever is long is written once, however often the log is downloaded: the start, and the inputs by the
-    session, as they come.
+    Whatever is long is written once, however often the log is downloaded: the start, and the inputs.
     """
-    log, inputs = await session.log()
+    log = await session.log()
     start = _starts.get(session)
     if start is None:
         start = _starts[session] = await turns.run(lambda: _start_of(log))
-    return b'%b"frame":%d,"inputs":%b,"digest":"%b"}' % (start, log.frame, inputs, log.digest.encode())
+    rest = (log.frame, log.inputs.text(), log.digest.encode())
+    return b'%b"frame":%d,"inputs":%b,"digest":"%b"}' % (start, *rest)
 
 
 def _start_of(log: SessionLog) -> bytes:
     """Return the JSON of a log before its frame."""
     ends = {"frame": 0, "inputs": [], "digest": log.digest}
     body = LogBody.model_validate({"format": FORMAT, **log.origin.record(), **ends})
-    return body.model_dump_json().encode().rpartition(b'"frame":')[0]
+    return body.model_dump_json(exclude={"inputs"}).encode().rpartition(b'"frame":')[0]
 
 
 def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:

@@ -78,7 +78,7 @@ def _tokens(request: Request, header: str) -> list[str]:
 async def numbers_response(turns: Turns, values: Mapping[str, Any], *, as_npz: bool) -> Response:
     """Return numbers, lists and arrays as a JSON object, or arrays as npz."""
     if as_npz:
-        return Response(await turns.run(lambda: npz(values)), media_type=NPZ)
+        return Response(await turns.run(lambda: npz(values), short=False), media_type=NPZ)
     size, encode = sum(map(np.size, values.values())), partial(scene_work.json_object, values)
     return Response(await _encoded(turns, size, encode), media_type=JSON)
 

@@ -11,7 +11,8 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from hybridmpm.control import Stroke
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, SketchSettings, Strict
+from hybridmpm_service.http.problems import field_path
+from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, Inputs, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.scene_work import value_of
 from hybridmpm_service.sessions.turns import Turns
@@ -71,7 +72,7 @@ class Values:
 
 
 def read_json(text: bytes | str, field: str) -> Any:
-    """Return the value of a JSON text; the inputs of a log are read one by one, and models already.
+    """Return the value of a JSON text; the inputs of a log are read one by one, and are `Inputs` already.
 
     The parser refuses a depth of more than 200.
 
@@ -85,7 +86,8 @@ def read_json(text: bytes | str, field: str) -> Any:
     Raises
     ------
     FieldError
-        The text is not JSON, has a key twice in one object, too many values, or is nested too deeply.
+        The text is not JSON, has a key twice in one object, too many values, or is nested too deeply; or an
+        input of a log is not valid.
     """
     data = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
     values = Values(field)
@@ -112,7 +114,7 @@ async def read_body(turns: Turns, data: bytes) -> Any:
 
 
 def _read_log(data: bytes) -> Any:
-    """Return the value of a log's text, with the inputs as models as far as they are valid.
+    """Return the value of a log's text, with its inputs as `Inputs`.
 
     Each input is read by itself: one call for all of them would keep Python's global lock for long.
     """
@@ -120,8 +122,8 @@ def _read_log(data: bytes) -> Any:
     if found is None:
         return value_of(data)
     text, place = data.decode(), len(data[: found.end()].decode())
-    inputs: list[Any] = []
-    decoder, valid = json.JSONDecoder(), True
+    inputs = Inputs()
+    decoder = json.JSONDecoder()
     while (place := _after(text, place)) < len(text) and text[place] != "]":
         if inputs:
             if text[place] != ",":
@@ -129,13 +131,13 @@ def _read_log(data: bytes) -> Any:
             place = _after(text, place + 1)
         start = place
         one, place = decoder.raw_decode(text, place)
-        if valid:
-            try:
-                one = INPUT.validate_python(one)
-            except ValidationError:
-                valid = False  # reported with its place, when the whole body is read
-                value_of(text[start:place].encode())
-        inputs.append(one)
+        try:
+            inputs.append(INPUT.validate_python(one))
+        except ValidationError as err:
+            value_of(text[start:place].encode())
+            fault = err.errors(include_url=False)[0]
+            field = field_path(("body", "log", "inputs", len(inputs), *fault["loc"]))
+            raise FieldError(field, fault["msg"].removeprefix("Value error, ")) from None
     body = value_of(data[: found.end()] + text[place:].encode())
     log = body["log"] if isinstance(body, dict) else None
     if isinstance(log, dict) and log.get("inputs") == []:

@@ -5,9 +5,9 @@ pydantic models, since clients send them, and logs and files contain them. The t
 in the OpenAPI document.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias, overload
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
@@ -190,8 +190,63 @@ class PushInput(Strict):
 Input: TypeAlias = SketchInput | ReleaseInput | PushInput
 INPUT: TypeAdapter[Input] = TypeAdapter(Annotated[Input, Field(discriminator="kind")])
 """Reader of an input's JSON."""
-INPUTS: TypeAdapter[list[Input]] = TypeAdapter(list[Annotated[Input, Field(discriminator="kind")]])
-"""Writer of the JSON of several."""
+
+
+class Inputs(Sequence[Input]):
+    """Inputs in the order in which they act, kept as JSON; a model is made of one when it is looked at.
+
+    Thousands of models would be hundreds of thousands of objects among which Python searches for circles.
+    Each search would keep the event loop waiting.
+    """
+
+    def __init__(self, inputs: Iterable[Input] = ()) -> None:
+        self._texts: list[str] = []
+        self.frames: list[int] = []
+        """First frame of each."""
+        self.sketches: list[int] = []
+        """Places of the sketches among them."""
+        for one in inputs:
+            self.append(one)
+
+    def append(self, made: Input) -> None:
+        """Add an input."""
+        if isinstance(made, SketchInput):
+            self.sketches.append(len(self))
+        self._texts.append(made.model_dump_json())
+        self.frames.append(made.frame)
+
+    def copy(self) -> "Inputs":
+        """Return a copy."""
+        twin = Inputs()
+        twin._texts, twin.frames, twin.sketches = self._texts[:], self.frames[:], self.sketches[:]
+        return twin
+
+    def text(self) -> bytes:
+        """Return all of them as a JSON array."""
+        return f"[{','.join(self._texts)}]".encode()
+
+    def sketch(self, place: int) -> SketchInput:
+        """Return the sketch at a place of `sketches`."""
+        return SketchInput.model_validate_json(self._texts[place])
+
+    def __len__(self) -> int:
+        return len(self._texts)
+
+    @overload
+    def __getitem__(self, place: int) -> Input: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> "Inputs": ...
+
+    def __getitem__(self, place: int | slice) -> "Input | Inputs":
+        if isinstance(place, slice):
+            return Inputs(INPUT.validate_json(text) for text in self._texts[place])
+        return INPUT.validate_json(self._texts[place])
+
+    def __eq__(self, other: object) -> bool:
+        return self._texts == other._texts if isinstance(other, Inputs) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 def _plain(record: Sketch | Push) -> dict[str, Any]:

@@ -6,13 +6,13 @@ import math
 import re
 import sqlite3
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from hybridmpm.errors import ConfigError
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.inputs import INPUTS, Input, Origin, SketchInput
+from hybridmpm_service.sessions.inputs import Input, Inputs, Origin, SketchInput
 from hybridmpm_service.sessions.session_file import PART_SUFFIX, Checkpoint, SessionFile, remove, start_of
 
 _SUFFIX = ".session"
@@ -86,9 +86,6 @@ MAX_INPUTS = 50_000
 real time makes as many."""
 CHECKPOINT_SECONDS = 1.0
 """Time of computing between two checkpoints [s]: the most that a restart computes again."""
-_BLOCK = 256
-"""Number of inputs that are written as JSON at once, in less than a millisecond: each call keeps Python's
-global lock, and the event loop waiting."""
 _RESTING_SECONDS = 1.0
 """Shortest time between two checkpoints of a session that rests now and then [s]."""
 _RETRY_SECONDS = 5.0
@@ -109,7 +106,7 @@ class Journal:
 
     Parameters
     ----------
-    inputs : iterable of Input, optional
+    inputs : Inputs, optional
         Those that have acted already, and the pending ones.
     complete : bool
         Whether they are all since frame 0.
@@ -120,10 +117,9 @@ class Journal:
     """
 
     def __init__(
-        self, inputs: Iterable[Input] = (), *, complete: bool = True, pending: int = 0, sketches: int = 0
+        self, inputs: Inputs | None = None, *, complete: bool = True, pending: int = 0, sketches: int = 0
     ) -> None:
-        self._inputs = list(inputs) if complete else []
-        self._blocks: list[bytes] = []
+        self._inputs = inputs.copy() if inputs is not None and complete else Inputs()
         self._complete = complete
         self._pending = pending
         self.sketches = sketches
@@ -140,23 +136,13 @@ class Journal:
         return self._kept
 
     @property
-    def inputs(self) -> tuple[Input, ...] | None:
-        """All inputs in the order in which they acted; None where there were more than `MAX_INPUTS`."""
-        return tuple(self._inputs) if self._complete else None
-
-    def text(self) -> bytes:
-        """Return all inputs as a JSON array; whole blocks of them are written once."""
-        blocks, inputs = self._blocks, self._inputs
-        while len(blocks) < len(inputs) // _BLOCK:
-            blocks.append(_text(inputs[_BLOCK * len(blocks) :][:_BLOCK]))
-        rest = inputs[_BLOCK * len(blocks) :]
-        return b"[%b]" % b",".join((*blocks, _text(rest)) if rest else blocks)
+    def inputs(self) -> Inputs | None:
+        """A copy of all inputs, in the order in which they acted; None where there were too many."""
+        return self._inputs.copy() if self._complete else None
 
     def fork(self) -> "Journal":
         """Return a journal of a copy of the simulation, without a file."""
-        twin = Journal(self._inputs, complete=self._complete, sketches=self.sketches)
-        twin._blocks = list(self._blocks)
-        return twin
+        return Journal(self._inputs, complete=self._complete, sketches=self.sketches)
 
     def keep_in(self, file: SessionFile, computed_seconds: float = 0.0) -> None:
         """Write to a file from now on, which has the present inputs already."""
@@ -192,7 +178,7 @@ class Journal:
         """Note an input before it acts; of a sketch, `guidance` returns a snapshot of its guidance."""
         snapshot = None if guidance is None or self._file is None else guidance()
         if len(self._inputs) == MAX_INPUTS:
-            self._forget()
+            self._inputs = Inputs()
             self._complete = False
         if self._complete:
             self._inputs.append(made)
@@ -210,7 +196,7 @@ class Journal:
 
     def clear(self) -> None:
         """Forget all inputs before the simulation returns to frame 0."""
-        self._forget()
+        self._inputs = Inputs()
         self._complete = True
         self._write(lambda file: file.rewrite())
 
@@ -269,10 +255,6 @@ class Journal:
         if self._file is not None:
             self._file.remove()
 
-    def _forget(self) -> None:
-        self._inputs.clear()
-        self._blocks.clear()
-
     def _write(self, write: Callable[[SessionFile], None]) -> None:
         if self._file is None or self._kept == "failing":
             return
@@ -281,8 +263,3 @@ class Journal:
         except StorageError as err:
             _log.warning("a session is kept in memory alone: %s", err)
             self._kept, self._failed_at = "failing", time.monotonic()
-
-
-def _text(inputs: list[Input]) -> bytes:
-    """Return the JSON of some inputs, with commas between them."""
-    return INPUTS.dump_json(inputs)[1:-1]

@@ -20,7 +20,7 @@ from hybridmpm_service.errors import (
 )
 from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.admission import estimated_frame_seconds, without_errors
-from hybridmpm_service.sessions.inputs import Origin
+from hybridmpm_service.sessions.inputs import Inputs, Origin
 from hybridmpm_service.sessions.journal import Folder
 from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
@@ -466,6 +466,6 @@ def _estimate(origin: Origin, r_p: float) -> float:
 def _keep(path: Path, made: Revived) -> None:
     """Write a simulation to a file of its own from now on."""
     simulation, journal = made.simulation, made.simulation.journal
-    fresh = simulation.frame == 0 and journal.inputs == ()
+    fresh = simulation.frame == 0 and journal.inputs == Inputs()
     checkpoint = None if fresh else simulation.checkpoint()
     journal.create(path, made.origin, made.notice, simulation.computed_seconds, checkpoint)

@@ -1,14 +1,14 @@
 """Computing a session again, from its file or from its log."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from hybridmpm import SOLVER_VERSION, CancelFlag, FrameCancelledError, SnapshotError
 from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, prepare
 from hybridmpm_service.errors import FieldError, ServiceError, StorageError
-from hybridmpm_service.sessions.inputs import Input, Origin, SketchInput, Versions
+from hybridmpm_service.sessions.inputs import Inputs, Origin, SketchInput, Versions
 from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.session_file import SessionFile
@@ -24,7 +24,7 @@ class SessionLog:
     origin: Origin
     frame: int
     """The present frame."""
-    inputs: tuple[Input, ...]
+    inputs: Inputs
     """All inputs, in the order in which they acted."""
     digest: str
     """Digest of the state at the present frame, as `digest_of` returns it."""
@@ -81,7 +81,7 @@ def why_unlike(made_by: Versions, now: Versions) -> str | None:
 
 def replay(
     simulation: Simulation,
-    inputs: Sequence[Input],
+    inputs: Inputs,
     until: int,
     guidances: Mapping[int, Guidance] | None = None,
     *,
@@ -94,7 +94,7 @@ def replay(
     ----------
     simulation : Simulation
         At the frame of the first pending input or before.
-    inputs : sequence of Input
+    inputs : Inputs
         All inputs, in the order in which they acted.
     until : int
         Frame to stop at; inputs that act from it on are given, too.
@@ -113,29 +113,31 @@ def replay(
     StorageError
         A sketch has no plan, and was drawn before the present frame; or the inputs are not in order.
     """
-    plans, waiting = dict(guidances or {}), list(enumerate(inputs))[first:]
-    drawn = {place: one for place, one in waiting if isinstance(one, SketchInput) and place not in plans}
-    stops = sorted({one.frame for _, one in waiting} | {one.drawn_frame for one in drawn.values()} | {until})
+    plans, place = dict(guidances or {}), first
+    missing = [one for one in inputs.sketches if one >= first and one not in plans]
+    drawn = {one: inputs.sketch(one) for one in missing}
+    stops = sorted({until, *inputs.frames[first:], *(one.drawn_frame for one in drawn.values())})
     for stop in (stop for stop in stops if stop >= simulation.frame):
         while simulation.frame < stop:
             check()
             simulation.advance(1)
-        for place, sketch in drawn.items():
+        for number, sketch in drawn.items():
             if sketch.drawn_frame == stop:
                 check()
-                plans[place] = prepare(
+                plans[number] = prepare(
                     simulation.copy(), sketch.sketch.sketch(), on_frame=check, **sketch.settings.model_dump()
                 )
                 # If this is interrupted, it goes on after the frame for which the sketch was planned.
-                simulation.journal.plan(place, plans[place].snapshot)
-        while waiting and waiting[0][1].frame == stop:
-            place, one = waiting.pop(0)
+                simulation.journal.plan(number, plans[number].snapshot)
+        while place < len(inputs) and inputs.frames[place] == stop:
+            one = inputs[place]
             if isinstance(one, SketchInput) and place not in plans:
                 raise StorageError(f"the plan of sketch {one.number} is missing")
             simulation.journal.acted()
             simulation.act(one, plans.get(place))
-    if waiting:
-        raise StorageError(f"an input of frame {waiting[0][1].frame} comes after one of a later frame")
+            place += 1
+    if place < len(inputs):
+        raise StorageError(f"an input of frame {inputs.frames[place]} comes after one of a later frame")
 
 
 def revived_from_file(
@@ -169,7 +171,7 @@ def revived_from_file(
     versions = Origin.of(origin.scene, chosen, None, None).versions
     simulation = Simulation(chosen, clock=clock)
     simulation.cancel_by(cancel)
-    frames = [stored.reached, *(one.frame for one in inputs)]
+    frames = [stored.reached, *inputs.frames]
     until = max(frames if checkpoint is None else [*frames, checkpoint.frame])
     unlike, first, complete = why_unlike(origin.versions, versions), stored.acted, stored.complete
     again = unlike is not None and (until > 0 or bool(inputs))
@@ -194,7 +196,7 @@ def revived_from_file(
             notice = (
                 "The session begins anew: another version has computed it, and its inputs are not all kept."
             )
-            inputs, until, complete = (), 0, True
+            inputs, until, complete = Inputs(), 0, True
         # If this is interrupted, it goes on from its own checkpoints.
         origin = replace(origin, versions=versions)
         file.rewrite(inputs, origin=origin, reached=until, complete=complete, notice=notice)
@@ -245,10 +247,10 @@ def revived_from_log(
     present = Origin.of(origin.scene, chosen, origin.scenario, origin.seed)
     simulation = Simulation(chosen, clock=clock)
     simulation.cancel_by(cancel)
-    late = next((one.frame for one in log.inputs if one.frame > log.frame), None)
+    late = next((frame for frame in log.inputs.frames if frame > log.frame), None)
     if late is not None:
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")
-    numbers = (one.number for one in log.inputs if isinstance(one, SketchInput))
+    numbers = (log.inputs.sketch(place).number for place in log.inputs.sketches)
     simulation.journal = Journal(log.inputs, sketches=max(numbers, default=0), pending=len(log.inputs))
     replay(simulation, log.inputs, log.frame, check=check)
     notice = None

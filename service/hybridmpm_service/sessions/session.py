@@ -270,13 +270,9 @@ class Session:
         """Return the pressure; errors as in `advance` and of `Simulation.pressure`."""
         return await self._call(self.simulation.pressure)
 
-    async def log(self) -> tuple[SessionLog, bytes]:
-        """Return the log of the session, and its inputs as JSON; errors as in `advance` and `log_of`."""
-
-        def make() -> tuple[SessionLog, bytes]:
-            return log_of(self.origin, self.simulation), self.simulation.journal.text()
-
-        return await self._call(lambda: self._reported(make()))
+    async def log(self) -> SessionLog:
+        """Return the log of the session; errors as in `advance` and `log_of`."""
+        return await self._call(lambda: self._reported(log_of(self.origin, self.simulation)))
 
     async def fork(self) -> Simulation:
         """Return an independent simulation in the present state; errors as in `advance`."""

@@ -24,7 +24,7 @@ from typing import Any, Self
 from pydantic import Field, ValidationError
 
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.inputs import INPUT, Frame, Input, Origin, SketchInput, Strict
+from hybridmpm_service.sessions.inputs import INPUT, Frame, Input, Inputs, Origin, SketchInput, Strict
 
 PART_SUFFIX = ".new"
 """Suffix of a file that is being created."""
@@ -61,7 +61,7 @@ class Stored:
     """Contents of a session file."""
 
     origin: Origin
-    inputs: tuple[Input, ...]
+    inputs: Inputs
     """In the order in which they acted."""
     guidances: Mapping[int, bytes]
     """Snapshots of the guidances of sketches, by the place of the sketch among the inputs."""
@@ -315,7 +315,7 @@ def _read(rows: Mapping[str, list[tuple[Any, ...]]]) -> tuple[Stored, _Seal]:
         checkpoint = Checkpoint(frame=frame, state=state, guidance=guidance, rest=json.loads(rest))
     stored = Stored(
         origin=Origin.of_record(json.loads(record)),
-        inputs=tuple(INPUT.validate_json(one) for _, one in rows["inputs"]),
+        inputs=Inputs(INPUT.validate_json(one) for _, one in rows["inputs"]),
         guidances={places[number]: data for number, data in rows["plans"]},
         checkpoint=checkpoint,
         acted=acted,

@@ -272,9 +272,9 @@ class Turns:
             turn.end(_gone())
             self._decide()
 
-    async def run(self, work: Callable[[], T]) -> T:
+    async def run(self, work: Callable[[], T], *, short: bool = True) -> T:
         """Return the result of work in a thread, in a turn of its own."""
-        async with self.turn() as turn:
+        async with self.turn(short=short) as turn:
             return await turn.in_thread(work)
 
     async def apart(self, function: Callable[..., T], *arguments: Any) -> T:

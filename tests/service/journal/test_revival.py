@@ -77,7 +77,7 @@ async def _story(session: Session) -> None:
 async def _digest(session: Session, frames: int = 0) -> str:
     if frames:
         await session.advance(frames)
-    return (await session.log())[0].digest
+    return (await session.log()).digest
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -128,8 +128,8 @@ async def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> Non
         assert _files(tmp_path) == [f"{reset.id}.session"]
     async with _service(tmp_path) as manager:
         assert [(session.id, session.view.frame) for session in manager.all()] == [(reset.id, 0)]
-        log, _ = await manager.all()[0].log()
-        assert log.inputs == ()
+        log = await manager.all()[0].log()
+        assert not log.inputs
         with pytest.raises(SessionNotFoundError):
             manager.get("0" * 32)
 
@@ -145,7 +145,7 @@ async def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
         assert {one.id: await _digest(one) for one in manager.all()} == digests
         fork = max(manager.all(), key=lambda one: one.view.frame)
         # The log of a fork tells what acted on its origin, too.
-        again = await manager.replay((await fork.log())[0])
+        again = await manager.replay(await fork.log())
         assert (again.notice, await _digest(again)) == (None, digests[fork.id])
 
 
@@ -154,11 +154,11 @@ async def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
     async with _service(None) as manager:
         session = await manager.create(SceneSource(data=CASES[case][0]), choice=CASES[case][1])
         await _story(session)
-        log, text = await session.log()
+        log = await session.log()
         again = await manager.replay(log)
         assert (again.view.frame, again.notice) == (60, None)
-        assert await again.log() == (log, text)
-        assert (await again.log())[0].inputs == log.inputs
+        assert await again.log() == log
+        assert (await again.log()).inputs == log.inputs
         assert await _digest(again, 25) == await _digest(session, 25)
 
 
@@ -166,7 +166,7 @@ async def test_a_log_of_another_version_is_played_and_says_what_is_not_promised(
     async with _service(None) as manager:
         session = await manager.create(SOURCE)
         await session.advance(10)
-        log, _ = await session.log()
+        log = await session.log()
         older = log.origin.versions.model_copy(update={"solver": 3})
         foreign = dataclasses.replace(
             log, origin=dataclasses.replace(log.origin, versions=older), digest="0" * 64
@@ -222,7 +222,7 @@ async def test_a_disk_that_cannot_be_written_stops_nothing(
     async with _service(tmp_path) as manager:
         (session,) = manager.all()
         assert await _digest(session) == expected
-        assert (await manager.replay((await session.log())[0])).notice is None
+        assert (await manager.replay(await session.log())).notice is None
 
 
 async def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
@@ -249,7 +249,7 @@ async def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> No
     async with _service(tmp_path / "killed") as manager:
         (session,) = manager.all()
         await session.advance(20)
-        log, _ = await session.log()
+        log = await session.log()
         assert [(one.frame, one.push is None) for one in log.inputs] == [(5, False), (5, True)]  # type: ignore[union-attr]
         _killed(tmp_path / "killed", tmp_path / "again")
     async with _service(tmp_path / "again") as manager:
@@ -343,7 +343,7 @@ async def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
             session = manager.all()[0]
             assert session.view.frame == 60
             assert "may differ from its former state" in str(session.notice)
-            assert (await manager.replay((await session.log())[0])).notice is None
+            assert (await manager.replay(await session.log())).notice is None
 
 
 async def test_a_creation_that_was_killed_leaves_nothing(tmp_path: Path) -> None:
@@ -401,13 +401,13 @@ async def test_more_inputs_than_are_kept_cost_the_log_alone(
         with pytest.raises(Exception, match="no longer has a log"):
             await session.log()
         await session.reset()
-        assert (await session.log())[0].frame == 0
+        assert (await session.log()).frame == 0
 
 
 async def test_the_replay_of_a_cancelled_call_ends() -> None:
     async with _service(None, max_sessions=2) as manager:
         session = await manager.create(SOURCE)
-        log = dataclasses.replace((await session.log())[0], frame=100_000)
+        log = dataclasses.replace(await session.log(), frame=100_000)
         replaying = asyncio.create_task(manager.replay(log))
         await asyncio.sleep(0.1)
         replaying.cancel()
