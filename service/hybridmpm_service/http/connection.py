@@ -279,10 +279,12 @@ class RequestProtocol(H11Protocol):
             self._unread = None
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End the deadlines."""
+        """End the deadlines, and what would keep this object until a search for circles."""
         self._relax()
         self._read()
         super().connection_lost(exc)
+        self.cycle = None  # type: ignore[assignment]
+        vars(self.conn).pop("next_event", None)
 
     def send_400_response(self, msg: str) -> None:
         """Refuse a request that is not HTTP."""

@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hybridmpm_service.errors import ServiceError, UnavailableError, UnsupportedFormatError
 from hybridmpm_service.http.connection import FIRST
-from hybridmpm_service.http.problems import of_status, response_of
+from hybridmpm_service.http.problems import ended, of_status, response_of
 from hybridmpm_service.http.requests import Values
 from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.sessions.turns import CLIENT, Client
@@ -194,9 +194,7 @@ class Door:
             if not working.cancelled():
                 working.result()
         finally:
-            for task in (working, watching):
-                task.cancel()
-            await asyncio.gather(working, watching, return_exceptions=True)
+            await ended(working, watching)
 
     def _reserve(self, size: int) -> bool:
         """Count the memory of an answer; return whether there is room for it."""

@@ -8,12 +8,10 @@ from pydantic import (
     ConfigDict,
     FailFast,
     Field,
-    GetCoreSchemaHandler,
     GetPydanticSchema,
+    WrapValidator,
     model_validator,
 )
-from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_wrap_validator_function
 
 from hybridmpm import Scene
 from hybridmpm.simulator import Kind
@@ -39,21 +37,22 @@ _starts: WeakKeyDictionary[Session, bytes] = WeakKeyDictionary()
 """Starts of the logs of sessions, which do not change; a scene may have thousands of bodies."""
 
 
-def _schema_of_inputs(handler: GetCoreSchemaHandler) -> CoreSchema:
-    """Return the schema of the inputs of a log, which may be read already."""
+def _taken(value: Any, read: Callable[[Any], list[Input]]) -> Inputs:
+    """Return the inputs of a log, which may be `Inputs` already."""
+    if not isinstance(value, Inputs):
+        return Inputs(read(value))
+    if len(value) > MAX_INPUTS:
+        raise ValueError(f"has {len(value)} inputs, and may have at most {MAX_INPUTS}")
+    return value
+
+
+_LIST = Annotated[
+    list[Annotated[Input, Field(discriminator="kind")]],
     # Only the first wrong input is reported: thousands of errors would take long to make.
-    models = Annotated[
-        list[Annotated[Input, Field(discriminator="kind")]], FailFast(), Field(max_length=MAX_INPUTS)
-    ]
-
-    def taken(value: Any, read: Callable[[Any], list[Input]]) -> Inputs:
-        if not isinstance(value, Inputs):
-            return Inputs(read(value))
-        if len(value) > MAX_INPUTS:
-            raise ValueError(f"has {len(value)} inputs, and may have at most {MAX_INPUTS}")
-        return value
-
-    return no_info_wrap_validator_function(taken, handler.generate_schema(models))
+    FailFast(),
+    Field(max_length=MAX_INPUTS),
+    WrapValidator(_taken),
+]
 
 
 class LogBody(Strict):
@@ -116,7 +115,7 @@ class LogBody(Strict):
     """Value below which the safeguard alarms."""
     frame: Frame
     """Frame at which the log ends."""
-    inputs: Annotated[Inputs, GetPydanticSchema(lambda _, handler: _schema_of_inputs(handler))]
+    inputs: Annotated[Inputs, GetPydanticSchema(lambda _, handler: handler.generate_schema(_LIST))]
     """Inputs of the session, in order; frames ascend."""
     digest: str = Field(pattern="^[0-9a-f]{64}$")
     """SHA-256 of the state in which the log ends: ids (uint64), positions and velocities (float32),

@@ -1,5 +1,6 @@
 """Problems: every answer that is not a success, as `application/problem+json` (RFC 9457)."""
 
+import asyncio
 import json
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -183,16 +184,29 @@ def fields_of(error: Exception) -> list[tuple[str, str]]:
 
 def response_of(instance: str, error: Exception) -> Response:
     """Return the answer of an exception of the service or the library."""
-    _forget_frames(error)
+    forget_frames(error)
     row = row_of(error)
     headers = {"Retry-After": str(RETRY_AFTER_SECONDS)} if row.status == 503 else None
     return problem_response(instance, row, str(error), fields_of(error), headers)
 
 
-def _forget_frames(error: BaseException | None) -> None:
+def forget_frames(error: BaseException | None) -> None:
     """Free what the frames of an answered error refer to, such as a body, without a search for circles."""
     while error is not None:
         error.__traceback__, error = None, error.__context__
+
+
+async def ended(*tasks: asyncio.Future[Any]) -> None:
+    """Cancel tasks, wait until they have ended, and forget the frames in which they were cancelled."""
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    for task in tasks:
+        if task.cancelled():
+            try:
+                task.result()
+            except asyncio.CancelledError as error:
+                forget_frames(error)
 
 
 async def _on_known_error(request: Request, error: Exception) -> Response:
@@ -220,7 +234,7 @@ def _methods(request: Request) -> list[str]:
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this class only
-    _forget_frames(error)
+    forget_frames(error)
     problems = error.errors()
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     whole_body = any(problem["loc"] == ("body",) for problem in problems)

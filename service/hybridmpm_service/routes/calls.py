@@ -12,6 +12,7 @@ from fastapi.routing import APIRoute
 
 from hybridmpm_service.errors import FieldError, IdempotencyKeyError, UnavailableError
 from hybridmpm_service.http.door import is_json
+from hybridmpm_service.http.problems import ended
 from hybridmpm_service.http.requests import read_body
 from hybridmpm_service.sessions.turns import CLIENT, Client
 
@@ -162,6 +163,4 @@ async def _unless(end: Awaitable[object], work: Coroutine[Any, Any, Response]) -
         await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
         return None if ending.done() else working.result()
     finally:
-        for task in (working, ending):
-            task.cancel()
-        await asyncio.gather(working, ending, return_exceptions=True)
+        await ended(working, ending)
