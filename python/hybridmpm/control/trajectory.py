@@ -21,7 +21,8 @@ class SketchResult:
     """Share of the mass in the goal at the end of the sketch's frames; None where the fluid keeps its shape
     along an arrow."""
     inside_drawn: float | None
-    """Share of the mass in the oval as it was drawn, at that time; None for an arrow."""
+    """Share of the mass in the oval as it was drawn, in 3D in the front view, at that time; None for an
+    arrow."""
     miss: float
     """Distance of the centre of mass at that time from the tip, or from the middle of the oval's goal [m]."""
     rms: float

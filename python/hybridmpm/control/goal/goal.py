@@ -200,8 +200,11 @@ class Goal:
         return self.region.reaches(x, largest)
 
     def inside_drawn(self, x: Floats) -> npt.NDArray[np.bool_] | None:
-        """Return which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow."""
-        return None if self.drawn is None else self.drawn.level(x) <= 1
+        """Return which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow.
+
+        What is drawn is the front view, so in 3D the depth does not count.
+        """
+        return None if self.drawn is None else self.drawn.in_view.level(x[:, :2]) <= 1
 
     def suggested_frames(self, cap: float) -> int:
         """Return the smallest number of frames that needs an acceleration well below the cap [g].

@@ -42,6 +42,11 @@ class Oval:
         axes = np.append(sketch.axes, np.sqrt(sketch.axes[0] * sketch.axes[1]))
         return cls(np.append(sketch.center, depth), axes, directions)
 
+    @property
+    def in_view(self) -> "Oval":
+        """The ellipse that it is in the front view."""
+        return Oval(self.center[:2], self.axes[:2], self.directions[:2, :2])
+
     @classmethod
     def ball(cls, center: Floats, volume: float) -> Self:
         """Return a disc, or a ball in 3D, of a volume [m^D] around a centre (D,) [m]."""

@@ -163,7 +163,9 @@ export class Steering {
     if (control?.number === this.plan.number) {
       this.#seen = true;
       if (control.miss === null || this.reached !== null) return;
-      this.reached = { inside: control.inside, miss: control.miss };
+      // In 3D only the front view is drawn, and a learned plan chooses the depth.
+      const inside = control.inside === null ? null : Math.max(control.inside, control.inside_drawn ?? 0);
+      this.reached = { inside, miss: control.miss };
       this.#handlers.changed();
     } else if (this.#seen && control?.phase !== "preparing") {
       this.clear();

@@ -98,3 +98,14 @@ def test_the_first_frames_lead_to_the_goal_and_repeat(water: MpmSolver, sketch: 
     assert one.guidance.method == "learned"
     away = [float(np.linalg.norm(weight @ solver.positions - goal)) for solver in (led, free)]
     assert away[0] < away[1]
+
+
+def test_the_oval_as_drawn_is_that_of_the_front_view(water: MpmSolver) -> None:
+    goal = prepare(water, WIDE).goal
+    aside = goal.paths.places.copy()
+    aside[:, 2] = 0.12
+    inside, drawn = goal.inside(aside), goal.inside_drawn(aside)
+    assert inside is not None
+    assert drawn is not None
+    assert inside.mean() < 0.1
+    assert drawn.mean() > 0.99

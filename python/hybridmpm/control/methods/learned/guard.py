@@ -80,8 +80,7 @@ def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool
     scale = max(1.0, region.scale)
     if places.shape[1] == 2:
         return region.reaches(places, scale)
-    view = Oval(drawn.center[:2], drawn.axes[:2], drawn.directions[:2, :2])
-    return view.level(places[:, :2]) <= scale
+    return drawn.in_view.level(places[:, :2]) <= scale
 
 
 def _too_dense(places: Floats, task: Task) -> float:
