@@ -16,14 +16,13 @@ from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.simulator import Simulator
 from hybridmpm_lab.control.measures import (
-    LEAST_SEEDS,
     distance_from_path,
     end_figures,
     features,
     force_figures,
 )
 from hybridmpm_lab.control.methods import FILLED, NAMES, ORACLE, Methods, methods_of, takes_part
-from hybridmpm_lab.control.suite import FAMILIES, REFERENCE_SEEDS, VERSION, Case, cases, digest
+from hybridmpm_lab.control.suite import FAMILIES, VERSION, Case, cases, digest
 from hybridmpm_lab.harness.command import scenarios_setting, setting
 from hybridmpm_lab.harness.provenance import Provenance, shipped
 from hybridmpm_lab.harness.rows import Key, Progress, Row, RowStore, significant
@@ -36,7 +35,6 @@ CAP, ORACLE_CAP = 15.0, 30.0
 HOLD = 20
 """Frames for which the goal is kept after it was reached."""
 _LOOKS = 4  # Frames of each run whose features count for naturalness, at equal distances
-_APART = 25  # Frames between two looks at an uncontrolled scene
 MEASURES = (
     "error", "nrmse", "node_error", "transport", "inside", "inside_later", "centroid_error", "path_error",
     "rms_g", "peak_g", "bound_g", "rms_ratio", "handed_over", "plan_ms", "first_frame_ms", "total_ms",
@@ -186,20 +184,11 @@ def run_missing(
                 store.add(run_key(case, name), {"run": row, "looks": looks})
                 before = after
                 on_progress(1)
-    for scenario, seed in _missing_references(settings, store):
-        # From a horizon before the start of control of reversed cases to a horizon after it.
-        middle, solver, looks = _control_frame(seed), MpmSolver(scenarios.get(scenario, seed)), []
-        for frame in range(middle - HORIZON + _APART, middle + HORIZON + 1, _APART):
-            solver.advance(frame - solver.frame)
-            looks.append(_look(solver))
-        store.add(("reference", scenario, seed), {"looks": looks})
-        on_progress(1)
 
 
 def count_missing(settings: ControlSettings, store: RowStore) -> int:
     """Return the number of steps that `run_missing` will count."""
-    runs = sum(len(_missing(settings, case, store)) for case in settings.cases)
-    return runs + len(_missing_references(settings, store))
+    return sum(len(_missing(settings, case, store)) for case in settings.cases)
 
 
 def run_key(case: Case, name: str) -> Key:
@@ -216,16 +205,6 @@ def rows_of(cases: Sequence[Case], methods: Methods, store: RowStore) -> list[Ro
 def _missing(settings: ControlSettings, case: Case, store: RowStore) -> list[str]:
     names = [name for name in settings.methods if takes_part(name, case.family)]
     return [name for name in names if run_key(case, name) not in store]
-
-
-def _missing_references(settings: ControlSettings, store: RowStore) -> list[tuple[str, int]]:
-    seeds: dict[str, set[int]] = {}
-    for case in settings.cases:
-        if case.family == "reversed":
-            seeds.setdefault(case.scenario, set()).add(case.seed)
-    names = [name for name, mine in seeds.items() if len(mine) >= LEAST_SEEDS]
-    wanted = [(name, seed) for name in names for seed in REFERENCE_SEEDS]
-    return [one for one in wanted if ("reference", *one) not in store]
 
 
 def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, Looks]:

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.cli.progress import progress
-from hybridmpm_lab.control.measures import LEAST_SEEDS, TOLERANCE, auc, real_against_real
-from hybridmpm_lab.control.methods import CONSTANT, FILLED, NAMES, Methods
+from hybridmpm_lab.control.measures import LEAST_SEEDS, recognised
+from hybridmpm_lab.control.methods import CONSTANT, FILLED, NAMES, ORACLE, Methods
 from hybridmpm_lab.control.runner import (
     MEASURES,
     ControlSettings,
@@ -20,7 +20,7 @@ from hybridmpm_lab.control.runner import (
     run_missing,
     run_store,
 )
-from hybridmpm_lab.control.suite import REFERENCE_SEEDS, SETTINGS, Case, cases
+from hybridmpm_lab.control.suite import Case, cases
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, runs_option
 from hybridmpm_lab.harness.provenance import ORIGIN, Provenance
@@ -80,7 +80,6 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
     sketches were run; those on which the run `failed` are left out of the means. The origin is that of the
     first run, the ingredients are those of all runs.
     """
-    natural = {name: _natural(store, name) for name in SETTINGS}
     rows = []
     for (family, scenario, kind), group in _groups(some).items():
         found = rows_of(group, methods, store)
@@ -89,7 +88,6 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
         for name in dict.fromkeys(row["method"] for row in found):
             mine = [row for row in found if row["method"] == name]
             used = {word for row in mine for word in (row["ingredients"] or "").split()}
-            runs = [store[key] for case in group if (key := run_key(case, name)) in store]
             rows.append(
                 {
                     "scenario": scenario,
@@ -101,7 +99,7 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
                     "failed": sum(row["failed"] is not None for row in mine),
                     "threads": 1,
                     **_figures(found, name, judged_by(family)),
-                    **_naturalness(runs, natural.get(scenario) if family == "reversed" else None),
+                    "naturalness": None if scenario == ALL else _naturalness(store, group, name),
                     **{field: mine[0][field] for field in ORIGIN},
                     "ingredients": " ".join(sorted(used)) or None,
                 }
@@ -137,7 +135,6 @@ def tables(rows: Sequence[Row]) -> str:
     }
     judged = [(f"{row['scenario']}, {row['sketch']}s", row) for row in rows if row["naturalness"] is not None]
     natural = {(title, row["method"]): f"{row['naturalness']:.2f}" for title, row in judged}
-    natural |= {(title, "real against real"): f"{row['naturalness_of_reals']:.2f}" for title, row in judged}
     parts += [_table("all scenarios", costs), _table("naturalness", natural)]
     return "\n".join(
         part for part in [*parts, _table("reversed: nrmse (ratio)", _beside_paper(rows))] if part
@@ -211,19 +208,15 @@ def _pairs(rows: Sequence[Row], name: str, measure: str) -> _Floats:
     return np.array(both, dtype=np.float64).reshape(-1, 2)
 
 
-def _natural(store: RowStore, scenario: str) -> tuple[list[_Floats], float] | None:
-    """Return looks at uncontrolled scenes, and their AUC against each other; None with too few for halves."""
-    rows = (store.get(("reference", scenario, seed)) for seed in REFERENCE_SEEDS)
-    looks = [np.array(row["looks"]) for row in rows if row is not None]
-    return (looks, real_against_real(looks)) if len(looks) >= 2 * LEAST_SEEDS else None
-
-
-def _naturalness(runs: Sequence[Row], natural: tuple[list[_Floats], float] | None) -> Row:
-    looks = [np.array(run["looks"]) for run in runs if run["looks"]]
-    is_valid = natural is not None and abs(natural[1] - 0.5) <= TOLERANCE and len(looks) >= LEAST_SEEDS
-    found = auc(looks, natural[0]) if natural is not None and is_valid else None
-    reals = None if natural is None else natural[1]
-    return {"naturalness": significant(found), "naturalness_of_reals": significant(reals)}
+def _naturalness(store: RowStore, group: Sequence[Case], name: str) -> float | None:
+    """Return the share of a method's frames that are told from the oracle's; None with too few seeds."""
+    led, true = [], []
+    for case in group:
+        found, oracle = (store.get(run_key(case, method)) for method in (name, ORACLE))
+        if found and oracle and found["looks"] and oracle["looks"]:
+            led.append(np.array(found["looks"]))
+            true.append(np.array(oracle["looks"]))
+    return significant(recognised(led, true)) if name != ORACLE and len(led) >= LEAST_SEEDS else None
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
