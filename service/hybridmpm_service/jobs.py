@@ -258,10 +258,13 @@ class _OneByOne:
             yield produce(recipe, seed, self._stop)
 
 
-async def made(turns: Turns, recipe: Recipe, seeds: Seeds, progress: Progress, folder: Path) -> Result:
+async def made(
+    turns: Turns, recipe: Recipe, seeds: Seeds, progress: Progress, folder: Path, *, memory: int
+) -> Result:
     """Make a data set in a turn, and return a zip file of its splits and metadata.
 
-    Cancelled, it ends within some frames. Raises as `hybridmpm.data.generate`.
+    Its trajectories are made and written one by one; each takes some `memory` [bytes]. Cancelled, it ends
+    within some frames. Raises as `hybridmpm.data.generate`.
     """
     total = sum(seeds.counts().values())
     progress.update(0, total)
@@ -281,6 +284,5 @@ async def made(turns: Turns, recipe: Recipe, seeds: Seeds, progress: Progress, f
                     file.write(part, f"{recipe.name}/{part.name}")
         return packed
 
-    # Its trajectories are written one by one, so it takes little memory.
-    async with turns.turn(background=True) as turn:
+    async with turns.turn(memory=memory, background=True) as turn:
         return Result(file=await turn.in_thread(lambda: make(turn)), media_type=MEDIA_TYPE)

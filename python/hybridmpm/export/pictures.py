@@ -7,7 +7,7 @@ from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from PIL import GifImagePlugin, Image
 
 from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
@@ -32,13 +32,41 @@ def write_strip(path: Path, recording: Recording, view: View, count: int) -> Non
 
 
 def write_gif(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
-    """Write a film that repeats without end, 50 pictures a second."""
-    pictures = (
-        Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
-        for picture in _film(recording, view, speed, progress)
-    )
-    first = next(pictures)
-    first.save(path, save_all=True, append_images=pictures, duration=1000 // FILM_FPS, loop=0)
+    """Write a film that repeats without end, 50 pictures a second.
+
+    Each picture is written before the next one is drawn; Pillow would keep them all, in megabytes each.
+    """
+    before: npt.NDArray[np.uint8] | None = None
+    with path.open("wb") as file:
+        for picture in _film(recording, view, speed, progress):
+            if before is None:
+                corner, changed = (0, 0), picture
+                head, _ = GifImagePlugin.getheader(_with_palette(picture), info={"loop": 0})
+                file.writelines(head)
+            else:
+                corner, changed = _changed(before, picture)
+            image = _with_palette(changed)
+            file.writelines(
+                GifImagePlugin.getdata(image, corner, duration=1000 // FILM_FPS, include_color_table=True)
+            )
+            before = picture
+        file.write(b";")
+
+
+def _with_palette(picture: npt.NDArray[np.uint8]) -> Image.Image:
+    return Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
+
+
+def _changed(
+    before: npt.NDArray[np.uint8], after: npt.NDArray[np.uint8]
+) -> tuple[tuple[int, int], npt.NDArray[np.uint8]]:
+    """Return the part of a picture that has changed, and its corner (x, y); a pixel where nothing has."""
+    differs = (before != after).any(axis=2)
+    rows, columns = (np.flatnonzero(differs.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return (0, 0), after[:1, :1]
+    part = after[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return (int(columns[0]), int(rows[0])), np.ascontiguousarray(part)
 
 
 def write_mp4(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:

@@ -8,8 +8,10 @@ from weakref import WeakKeyDictionary
 
 from pydantic import ConfigDict, Field
 
+from hybridmpm import Scene
 from hybridmpm.data import Recipe, Seeds
 from hybridmpm.errors import ConfigError, UnknownScenarioError
+from hybridmpm.export.pictures import FILM_FPS
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import Answer
@@ -24,8 +26,14 @@ _SILENT_SECONDS = 15.0
 """Longest time without an event; proxies close silent connections."""
 _SECONDS_PER_LISTENER = 0.0025
 """Time between two looks for each listener of a job: a thousand listeners cost no more than forty."""
+MAX_RECORDED_NUMBERS = 1 << 26
+"""Largest number of coordinates in a recording, states x particles x dimensions; velocities take as many."""
 _listeners: WeakKeyDictionary[Job, int] = WeakKeyDictionary()
 MOST_TRAJECTORIES = 1000
+MOST_PICTURES = 3000
+"""Largest number of pictures of a film: a minute."""
+BYTES_PER_PIXEL = 800
+"""Memory that the drawing of a picture takes for each of its pixels [bytes]."""
 MOST_NUMBERS = 1 << 27
 """Largest number of coordinates in a data set, all states of all trajectories together: 512 MiB."""
 
@@ -43,7 +51,29 @@ class RecordSession(Strict):
     width: int = Field(default=480, ge=64, le=1280, strict=True)
     """Width of a picture of a film or strip [pixels]."""
     speed: float = Field(default=1.0, ge=0.01, le=10)
-    """Simulated seconds in a second of film."""
+    """Simulated seconds in a second of film, which may last a minute."""
+
+    def memory(self, scene: Scene, particles: int) -> int:
+        """Return an estimate of the memory that it takes [bytes].
+
+        Raises
+        ------
+        FieldError
+            The recording or the film would be larger than this server makes.
+        """
+        states, numbers = 1 + -(-self.frames // self.every), max(1, particles * scene.dim)
+        most = MAX_RECORDED_NUMBERS // numbers
+        if states > most:
+            text = f"must be at least {-(-self.frames // max(1, most - 1))} for so many frames"
+            raise FieldError("body.every", f"{text}, got {self.every}")
+        slowest = self.frames * scene.frame_dt * FILM_FPS / MOST_PICTURES
+        if self.format in {"gif", "mp4"} and self.speed < slowest:
+            raise FieldError(
+                "body.speed", f"must be at least {slowest:.2g} for so many frames, got {self.speed:g}"
+            )
+        # Positions and velocities, and what a file of them takes while it is made.
+        drawing = 0 if self.format == "npz" else BYTES_PER_PIXEL * self.width**2
+        return 16 * states * numbers + drawing
 
 
 class MakeDataSet(Strict):
@@ -70,8 +100,8 @@ class MakeDataSet(Strict):
     r_p: float = Field(default=1.0, gt=0, le=1)
     """Ratio of the particles to those of the scene."""
 
-    def planned(self, limits: Settings) -> tuple[Recipe, Seeds]:
-        """Return the recipe and the seeds.
+    def planned(self, limits: Settings) -> tuple[Recipe, Seeds, int]:
+        """Return the recipe, the seeds, and an estimate of the memory of a trajectory [bytes].
 
         Raises
         ------
@@ -95,7 +125,8 @@ class MakeDataSet(Strict):
         if numbers > MOST_NUMBERS:
             text = f"must be at least {-(-self.stride * numbers // MOST_NUMBERS)} for so many frames"
             raise FieldError("body.stride", f"{text}, got {self.stride}")
-        return recipe, seeds
+        # A trajectory, its file and a copy of that while it is written.
+        return recipe, seeds, 12 * numbers // max(1, count)
 
 
 class JobBody(Answer):

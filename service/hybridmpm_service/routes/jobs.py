@@ -22,8 +22,6 @@ _JobId = Annotated[str, PathParameter(description="Name of the job, its `id`.")]
 _RECORDED = {"npz": "application/x-npz", "gif": "image/gif", "mp4": "video/mp4", "png": "image/png"}
 _STRIP = 4
 """Pictures side by side in a strip."""
-MAX_RECORDED_NUMBERS = 1 << 26
-"""Largest number of coordinates in a recording, states x particles x dimensions; velocities take as many."""
 _EVENT = {
     "type": "object",
     "description": "One event: the phase of the job, and the job as JSON.",
@@ -99,14 +97,8 @@ async def record_session(
     session = sessions.get(session_id)
     if body.frames > limits.max_advance_frames:
         raise FieldError("body.frames", f"must be in [1, {limits.max_advance_frames}], got {body.frames}")
-    states = 1 + -(-body.frames // body.every)
-    most = MAX_RECORDED_NUMBERS // max(1, session.view.particles * session.scene.dim)
-    if states > most:
-        text = f"must be at least {-(-body.frames // max(1, most - 1))} for so many frames, got {body.every}"
-        raise FieldError("body.every", text)
+    memory = body.memory(session.scene, session.view.particles)
     style = export.Style(width=body.width, speed=body.speed, strip=_STRIP)
-    # Positions and velocities, and what a file of them takes while it is made.
-    memory = 16 * states * max(1, session.view.particles * session.scene.dim)
     name = f"{session_id[:8]}.{body.format}"
     export.check_target(Path(name))
 
@@ -132,10 +124,10 @@ async def make_dataset(
     """Begin a job that makes a data set: a zip file of HDF5 files and their metadata."""
     h5py()
     turns = sessions.turns
-    recipe, seeds = await turns.run(lambda: body.planned(limits))
+    recipe, seeds, memory = await turns.run(lambda: body.planned(limits))
 
     async def work(progress: Progress, folder: Path) -> Result:
-        return await made(turns, recipe, seeds, progress, folder)
+        return await made(turns, recipe, seeds, progress, folder, memory=memory)
 
     job = JobBody.of(jobs.begin("dataset", None, work))
     response.headers["Location"] = job.links["self"]

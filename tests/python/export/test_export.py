@@ -121,6 +121,12 @@ def test_gif(tmp_path: Path, recording: Recording) -> None:
         assert film.info["duration"] == 20
         assert film.info["loop"] == 0
         assert film.size == (80, 80)
+        # Each picture is that of the state, though only what has changed is written.
+        view = view_of(recording.scene, recording.types, 80, recording.spacing)
+        for index, row in enumerate((0, 2, 4, 6)):
+            film.seek(index)
+            drawn = view.draw(recording.positions[row], recording.velocities[row], recording.time(row))
+            np.testing.assert_allclose(np.asarray(film.convert("RGB")), drawn, atol=40)
 
 
 def test_film_speed(tmp_path: Path, recording: Recording) -> None:
@@ -169,11 +175,11 @@ def test_a_write_that_fails_keeps_the_old_file(
     target = tmp_path / "film.gif"
     target.write_bytes(b"old")
 
-    def interrupted(_self: object, path: Path, **_settings: object) -> None:
-        Path(path).write_bytes(b"half a film")
+    def interrupted(*_arguments: object, **_settings: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Image.Image, "save", interrupted)
+    # The head of the film has been written then.
+    monkeypatch.setattr(pictures.GifImagePlugin, "getdata", interrupted)
     with pytest.raises(KeyboardInterrupt):
         export.save(target, recording, export.Style(width=80))
     assert target.read_bytes() == b"old"

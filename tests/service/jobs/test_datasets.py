@@ -1,6 +1,7 @@
 """Data sets as jobs: those of the library, bounded, and ended when asked."""
 
 import io
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import data
+from hybridmpm import data, scenarios
 from hybridmpm.client import Client
 from hybridmpm.data.generation.assemble import read_split
 from hybridmpm.data.generation.executors import Threads
+from hybridmpm_service.sessions.turns import Turns
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +79,29 @@ def test_an_invalid_data_set_is_refused(service: Any, changed: dict[str, Any], f
     (error,) = answer.json()["errors"]
     assert error["field"] == field
     assert text in error["message"]
+
+
+@pytest.mark.needs("h5py", "data")
+def test_the_memory_of_its_trajectories_is_counted(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted, large, turn = list[int](), list[int](), Turns.turn
+
+    def noted(self: Turns, *, memory: int = 0, **settings: Any) -> Any:
+        counted.append(memory)
+        return turn(self, memory=memory, **settings)
+
+    monkeypatch.setattr(Turns, "turn", noted)
+    for count, frames in ((1, 100), (4, 100), (1, 400)):
+        body = {"scenario": "water_2d", "trajectories": count, "frames": frames}
+        address = service.http.post("/v1/datasets", json=body).json()["links"]["self"]
+        seen = counted.count(0)
+        while len(counted) == seen + len(large):  # it is begun in a task
+            time.sleep(0.01)
+        large.append(counted[-1])
+        assert service.http.delete(address).status_code == 204
+    one, four, long = large
+    particles = len(scenarios.get("water_2d", 0).sample().x)
+    assert one == four == 12 * 101 * 2 * particles
+    assert long == 12 * 401 * 2 * particles
 
 
 def test_a_missing_h5py_is_named(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -175,6 +175,7 @@ def test_there_are_never_more_jobs_than_allowed(service: Any, session: str) -> N
     ("body", "field"),
     [
         ({"frames": 2001}, "body.frames"),
+        ({"frames": 1500, "format": "gif", "speed": 0.05}, "body.speed"),
         ({"frames": 5, "format": "exe"}, "body.format"),
         ({"frames": 5, "film": True}, "body.film"),
     ],
