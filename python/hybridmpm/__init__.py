@@ -33,6 +33,7 @@ from hybridmpm.errors import (
     GraphSizeError,
     InvertedError,
     NonFiniteError,
+    RoundedWorldWarning,
     SceneError,
     SimulationError,
     SketchError,
@@ -68,6 +69,7 @@ from hybridmpm.scene import (
     WallFaces,
     Walls,
     Water,
+    World,
 )
 from hybridmpm.simulator import Simulator
 
@@ -121,6 +123,7 @@ __all__ = [
     "RadiusGraph",
     "RectangularEmitter",
     "RoundEmitter",
+    "RoundedWorldWarning",
     "Sand",
     "Scene",
     "SceneCheck",
@@ -140,6 +143,7 @@ __all__ = [
     "WallFaces",
     "Walls",
     "Water",
+    "World",
     "__version__",
     "check",
     "coarse",

@@ -574,6 +574,7 @@ class Solver:
         cls,
         *,
         resolution: int,
+        cells: Sequence[int] | None = None,
         frame_dt: float,
         gravity: Sequence[float],
         wall_lower: Sequence[float],
@@ -807,6 +808,7 @@ class Upsampler:
         solver: Solver,
         *,
         resolution: int,
+        cells: Sequence[int] | None = None,
         affine_share: float = 0.5,
         relaxation: float = 2.0,
         emitters: Sequence[Emitter] = (),
@@ -986,18 +988,25 @@ def cfl_substeps(
     """
 
 def grid_mass(
-    x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int
+    x: npt.NDArray[np.float32],
+    mass: npt.NDArray[np.float32],
+    resolution: int,
+    cells: Sequence[int] | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Mass of the nodes of a grid over [0, 1]^D, by quadratic B-spline P2G.
+    """Mass of the nodes of a grid over the world, by quadratic B-spline P2G.
 
     Parameters
     ----------
-    x : float32 (N, D), in [0, 1]
+    x : float32 (N, D), inside the world
     mass : float32 (N,)
+    resolution : int
+        Cells per metre.
+    cells : D integers in [2, 4096], optional
+        Cells along each axis; those of a metre if absent.
 
     Returns
     -------
-    float32, (resolution + 1,) * D
+    float32, one more than `cells` along each axis
         [kg]. Mass that the stencil carries outside the box goes to the nearest node, so the sum is
         that of `mass`.
     """
@@ -1300,6 +1309,7 @@ class Tracks:
         ahead: float,
         cells: int,
         cap: float,
+        size: Sequence[float] | None = None,
         space: FreeSpace | None = None,
     ) -> Tracks: ...
     def force(

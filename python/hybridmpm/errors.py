@@ -89,6 +89,13 @@ class CostlyMaterialWarning(UserWarning):
     """
 
 
+class RoundedWorldWarning(UserWarning):
+    """The size of the world is no whole number of grid cells, so the grid reaches beyond it.
+
+    The message says how far. Walls and obstacles stay where they are.
+    """
+
+
 class FullBoxWarning(UserWarning):
     """Matter fills the box between its walls, so it has no free surface.
 

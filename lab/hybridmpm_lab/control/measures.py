@@ -53,10 +53,10 @@ def end_figures(
     from the filled sketch. `inside` and `inside_later` are shares of the mass in the goal, `centroid_error`
     is the distance [m] of the centre of mass from that of the goal. A figure without a meaning is None.
     """
-    mass, resolution = simulator.mass, simulator.scene.resolution
+    mass, scene = simulator.mass, simulator.scene
     errors: Row = dict.fromkeys(_GRID_ERRORS)
     if truth is not None:
-        found, true = (metrics.grid_mass(state, mass, resolution) for state in (x, truth))
+        found, true = (metrics.grid_mass(state, mass, scene.resolution, scene.cells) for state in (x, truth))
         errors = {name: measure(found, true) for name, measure in _GRID_ERRORS.items()}
     moved = goal.cloud.weight @ np.asarray(x, dtype=np.float64) - goal.cloud.centroid
     return {
@@ -114,7 +114,7 @@ def features(simulator: Simulator) -> Floats:
     quantiles, over grid nodes, of |divergence|, |curl| and shear of the velocity [1/s], plus 0.1.
     """
     x, scene = simulator.positions, simulator.scene
-    stencils = Stencils.at(x, scene.resolution)
+    stencils = Stencils.at(x, scene.resolution, scene.cells)
     count = stencils.scatter(np.ones(len(x)))
     fill = stencils.gather(count) * (scene.spacing * scene.resolution) ** scene.dim
     rates = _rates(stencils, count, simulator.velocities, scene.resolution)

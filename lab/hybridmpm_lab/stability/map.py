@@ -110,7 +110,7 @@ def _room(scene: Scene, x: _Floats) -> tuple[float, float]:
     A cell counts as a whole from three quarters full on, and not at all below one quarter. With a jump at one
     half, a plane surface would gain or lose a layer of cells at once, and without a slope no void would show.
     """
-    stencils = Stencils.at(x.astype(np.float64), scene.resolution)
+    stencils = Stencils.at(x.astype(np.float64), scene.resolution, scene.cells)
     share = (scene.spacing / scene.dx) ** scene.dim
     filled = stencils.scatter(np.full(len(x), share))
     cells = float(np.clip(2 * filled - 0.5, 0, 1).sum())

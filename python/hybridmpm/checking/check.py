@@ -16,6 +16,7 @@ from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
+from hybridmpm.scene.world import cells_of
 from hybridmpm.simulator import Simulator, checked_simulator
 
 _SEVERITIES = ("error", "warning", "note")
@@ -124,7 +125,7 @@ def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
     """Return the approximate memory of a process with so many particles on such a grid [bytes]."""
-    nodes = math.prod([resolution + 16] * scene.dim)
+    nodes = math.prod(cells + 16 for cells in cells_of(scene.size, resolution))
     largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
     return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
 

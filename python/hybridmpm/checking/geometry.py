@@ -9,6 +9,7 @@ from hybridmpm.checking.report import Finding
 from hybridmpm.scene import Scene
 from hybridmpm.scene.gaps import narrow_gaps, wide_enough
 from hybridmpm.scene.scene import MIN_CELLS_THICK
+from hybridmpm.scene.world import rounded_up
 
 CHOKED = 0.7
 """Share of a flow below which a gap is a finding [-]."""
@@ -26,10 +27,17 @@ _Points = npt.NDArray[np.float64]
 
 def of_geometry(scene: Scene) -> Iterator[Finding]:
     """Yield the findings about places and shapes of a scene's parts."""
+    yield from _rounded_world(scene)
     yield from _thin_obstacles(scene)
     yield from _thin_bodies(scene)
     yield from _narrow_gaps(scene)
     yield from _taken(scene)
+
+
+def _rounded_world(scene: Scene) -> Iterator[Finding]:
+    if (text := rounded_up(scene.size, scene.resolution)) is not None:
+        advice = "choose a resolution at which the world has whole cells, or leave it so"
+        yield Finding(severity="note", field="world.size", problem=text, advice=advice)
 
 
 def _thin_obstacles(scene: Scene) -> Iterator[Finding]:

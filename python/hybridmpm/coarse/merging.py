@@ -10,12 +10,10 @@ from hybridmpm._support.arguments import float64, whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Particles, Scene
 from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS
+from hybridmpm.scene.world import coarsest_grid
 
 FEWEST_PER_CELL = 2
 """Smallest number of particles per cell of a coarse grid; with fewer, bodies come apart."""
-
-MIN_RESOLUTION = 8
-"""Resolution of the coarsest grid [cells/m]."""
 
 _ROUNDS = 24
 """Rounds of exchanges between neighbours; twice as many shrink the clusters' radii by less than 1 % more."""
@@ -119,15 +117,15 @@ def coarse_resolution(scene: Scene, r_p: float, particles_per_cell: float = FEWE
     Raises
     ------
     ConfigError
-        `r_p` is out of range, or so small that the grid would have less than 8 cells per metre or less than 4
-        between walls.
+        `r_p` is out of range, or so small that the grid would have less than 8 cells along an axis or less
+        than 4 between walls.
     """
     sparse = particles_per_cell / scene.particles_per_cell
     finest: int = math.floor(scene.resolution * (checked_ratio(r_p) / sparse) ** (1 / scene.dim) + 1e-9)
     if finest >= scene.resolution or r_p == 1:
         return scene.resolution
     narrowest = min(b - a for a, b in zip(scene.walls.lower, scene.walls.upper, strict=True))
-    coarsest = max(MIN_RESOLUTION, math.ceil(MIN_CELLS_BETWEEN_WALLS / narrowest))
+    coarsest = max(coarsest_grid(scene.size), math.ceil(MIN_CELLS_BETWEEN_WALLS / narrowest))
     if finest < coarsest:
         raise ConfigError(
             f"r_p must be at least {sparse * (coarsest / scene.resolution) ** scene.dim:.2g} in this scene, "

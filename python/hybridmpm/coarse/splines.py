@@ -1,4 +1,4 @@
-"""Quadratic B-splines on the nodes of a grid over [0, 1]^D, for computations outside the compiled core."""
+"""Quadratic B-splines on the nodes of a grid over a world, for computations outside the compiled core."""
 
 from dataclasses import dataclass
 
@@ -20,13 +20,19 @@ class Stencils:
     weights: _Floats
     """Weights (N, 3^D) of the nodes [-]; the weights of a point sum to 1."""
     shape: tuple[int, ...]
-    """Shape of the grid, (resolution + 1,) * D."""
+    """Shape of the grid: one node more than it has cells, along each axis."""
 
     @classmethod
-    def at(cls, x: npt.NDArray[np.floating], resolution: int) -> "Stencils":
-        """Find the nodes and weights of points (N, D) in [0, 1]^D [m]."""
+    def at(
+        cls, x: npt.NDArray[np.floating], resolution: int, counts: tuple[int, ...] | None = None
+    ) -> "Stencils":
+        """Find the nodes and weights of points (N, D) [m] on a grid of so many cells per metre.
+
+        It has `counts` (D,) cells along each axis, those of one metre if absent.
+        """
         cells = np.asarray(x, dtype=np.float64) * resolution
         count, dim = cells.shape
+        counts = counts or (resolution,) * dim
         base = np.floor(cells - 0.5).astype(np.int64)
         offset = cells - base
         along = np.stack(
@@ -34,10 +40,10 @@ class Stencils:
         )
         nodes, weights = np.zeros((count, 1), dtype=np.int64), np.ones((count, 1))
         for axis in range(dim):
-            line = np.clip(base[:, axis, None] + np.arange(3), 0, resolution)
-            nodes = (nodes[:, :, None] * (resolution + 1) + line[:, None]).reshape(count, -1)
+            line = np.clip(base[:, axis, None] + np.arange(3), 0, counts[axis])
+            nodes = (nodes[:, :, None] * (counts[axis] + 1) + line[:, None]).reshape(count, -1)
             weights = (weights[:, :, None] * along[:, axis][:, None]).reshape(count, -1)
-        return cls(nodes, weights, (resolution + 1,) * dim)
+        return cls(nodes, weights, tuple(cells + 1 for cells in counts))
 
     def scatter(self, values: _Floats) -> _Floats:
         """Return a grid with the values (N,) of the points, each distributed to its nodes by weight."""

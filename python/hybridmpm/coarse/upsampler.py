@@ -99,6 +99,7 @@ class Upsampler:
         self._native = _core.Upsampler(
             solver,
             resolution=scene.resolution,
+            cells=scene.cells,
             affine_share=affine_share,
             relaxation=relaxation,
             emitters=emitters,

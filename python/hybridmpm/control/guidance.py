@@ -280,6 +280,10 @@ def prepare(
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
     longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
+    if simulator.scene.world is not None:
+        raise ConfigError(
+            "sketches are for worlds of one metre along each axis: leave `world` out of the scene"
+        )
     goal = goal_of(sketch, Cloud.of(simulator, who), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
     if frames is None and needs.frames > longest:

@@ -203,9 +203,10 @@ class ReversedCase:
 
     def error(self, x: npt.ArrayLike) -> float:
         """Return the grid RMSE [-] between positions x (N, D) [m] and `target`, on the scene's grid."""
-        resolution = self.scene.resolution
+        scene = self.scene
         found, true = (
-            metrics.grid_mass(np.clip(state, 0, 1), self.mass, resolution) for state in (x, self.target)
+            metrics.grid_mass(np.clip(state, 0, scene.size), self.mass, scene.resolution, scene.cells)
+            for state in (x, self.target)
         )
         return metrics.grid_rmse(found, true)
 

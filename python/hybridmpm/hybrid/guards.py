@@ -18,6 +18,7 @@ from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.hybrid.guard import Guard, GuardInput, Stage
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene.world import cells_of
 
 _HYSTERESIS = 0.25
 """Share of the way from r_c to 1 above which a cosine is quiet."""
@@ -75,7 +76,7 @@ class NonFinite(Guard):
 
 @dataclass(eq=False)
 class Outside(Guard):
-    """Number of particles outside of [0, 1]^D, or past a wall by more than one grid cell."""
+    """Number of particles outside of the world, or past a wall by more than one grid cell."""
 
     name = "outside"
     stage = Stage.RAW
@@ -85,7 +86,7 @@ class Outside(Guard):
         margin = 1 / given.mpm.resolution
         walls = given.mpm.scene.walls
         lower = np.maximum(np.array(walls.lower) - margin, 0).astype(np.float32)
-        upper = np.minimum(np.array(walls.upper) + margin, 1).astype(np.float32)
+        upper = np.minimum(np.array(walls.upper) + margin, given.mpm.scene.size).astype(np.float32)
         # False for NaN, which the guard `NonFinite` counts.
         past = (given.x < lower) | (given.x > upper)
         return float(np.count_nonzero(past.any(axis=1))) if past.any() else 0.0
@@ -374,11 +375,12 @@ def _departures(given: GuardInput, own: npt.NDArray[np.float32]) -> tuple[_Doubl
 def _mean_square(mpm: MpmSolver, rows: _Doubles, width: float) -> float:
     """Return the mean square, weighted by mass, of the means of vectors (N, D) over the cells of a grid.
 
-    The grid fills the world box; `width` is that of its cells, in those of MPM's grid.
+    The grid fills the world; `width` is that of its cells, in those of MPM's grid.
     """
     across = max(round(mpm.resolution / width), 1)
-    places = np.clip((mpm.positions * np.float32(across)).astype(np.int64), 0, across - 1)
-    _, cell = np.unique(places @ across ** np.arange(mpm.dim), return_inverse=True)
+    counts = np.array(cells_of(mpm.scene.size, across))
+    places = np.clip((mpm.positions * np.float32(across)).astype(np.int64), 0, counts - 1)
+    _, cell = np.unique(places @ np.cumprod([1, *counts[:-1]]), return_inverse=True)
     mass = mpm.mass.astype(np.float64)
     masses = np.bincount(cell, weights=mass)
     sums = np.stack([np.bincount(cell, weights=mass * column) for column in rows.T], axis=1)

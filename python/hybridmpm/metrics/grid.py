@@ -6,6 +6,7 @@ particles can be compared. They are three readings of one published formula, "th
 `grid_mass` with the same resolution.
 """
 
+from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
@@ -21,21 +22,25 @@ EMPTY_BELOW = 1e-3
 _Floats = npt.NDArray[np.float64]
 
 
-def grid_mass(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> npt.NDArray[np.float32]:
-    """Return the masses of the nodes of a grid over [0, 1]^D, by quadratic B-splines.
+def grid_mass(
+    x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int, cells: Sequence[int] | None = None
+) -> npt.NDArray[np.float32]:
+    """Return the masses of the nodes of a grid over a world, by quadratic B-splines.
 
     Parameters
     ----------
-    x : (N, D) or (F, N, D), in [0, 1]
+    x : (N, D) or (F, N, D), inside the world
         Positions [m] of one state or of F frames.
     mass : (N,)
         Masses of the particles [kg].
-    resolution : int in [8, 1024]
-        Number of cells along each axis.
+    resolution : int in [1, 1000000], without `cells` in [8, 4096]
+        Number of cells per metre.
+    cells : D integers in [8, 4096], optional
+        Number of cells along each axis, as `Scene.cells`; those of one metre if absent.
 
     Returns
     -------
-    float32, (resolution + 1,) * D, or (F, ...) of F frames
+    float32, one more than `cells` along each axis, or (F, ...) of F frames
         Masses of the nodes [kg]; the sum over a grid is that of `mass`.
 
     Raises
@@ -48,14 +53,24 @@ def grid_mass(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> npt.NDA
     Jiang et al. 2016, "The material point method for simulating continuum materials", Eq. (123).
     """
     positions, masses = float32("x", x, "(N, D)", "(F, N, D)"), float32("mass", mass, "(N,)")
-    resolution = whole("resolution", resolution, 8, 1024)
+    resolution = whole("resolution", resolution, 1, 1_000_000)
+    dim = positions.shape[-1]
+    counts = grid_cells(dim, resolution, cells)
     if positions.ndim == 2:
-        return _core.grid_mass(positions, masses, resolution)
-    dim = positions.shape[2]
-    grids = np.empty((len(positions), *(resolution + 1,) * dim), dtype=np.float32)
+        return _core.grid_mass(positions, masses, resolution, counts)
+    grids = np.empty((len(positions), *(count + 1 for count in counts)), dtype=np.float32)
     for grid, frame in zip(grids, positions, strict=True):
-        grid[...] = _core.grid_mass(frame, masses, resolution)
+        grid[...] = _core.grid_mass(frame, masses, resolution, counts)
     return grids
+
+
+def grid_cells(dim: int, resolution: int, cells: Sequence[int] | None) -> tuple[int, ...]:
+    """Return the checked numbers of cells along each axis: `cells`, or without them those of one metre."""
+    if cells is None:
+        return (whole("resolution", resolution, 8, 4096),) * dim
+    if len(cells) != dim:
+        raise ConfigError(f"cells must have {dim} numbers, got {cells!r}")
+    return tuple(whole("cells", count, 8, 4096) for count in cells)
 
 
 @overload

@@ -9,6 +9,7 @@ from hybridmpm import _core
 from hybridmpm._support.arguments import float32, float64, whole
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.errors import ConfigError
+from hybridmpm.metrics.grid import grid_cells
 from hybridmpm.scene import Scene
 
 _Floats = npt.NDArray[np.float64]
@@ -127,7 +128,9 @@ def centroid_error(
     return np.asarray(np.linalg.norm(centres[0] - centres[1], axis=-1))
 
 
-def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> _Floats:
+def density_extremes(
+    x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int, cells: Sequence[int] | None = None
+) -> _Floats:
     """Return the smallest and the largest density at a particle.
 
     The density is the mass of a grid node over the volume of a cell, interpolated to the particles by
@@ -135,13 +138,15 @@ def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> 
 
     Parameters
     ----------
-    x : (N, D) or (F, N, D), in [0, 1]
+    x : (N, D) or (F, N, D), inside the world
         Positions [m].
     mass : (N,)
         Masses [kg].
-    resolution : int in [8, 1024]
-        Number of cells along each axis. With less than one particle in a cell the density shows the gaps
-        between particles.
+    resolution : int in [1, 1000000], without `cells` in [8, 4096]
+        Number of cells per metre. With less than one particle in a cell the density shows the gaps between
+        particles.
+    cells : D integers in [8, 4096], optional
+        Number of cells along each axis, as `Scene.cells`; those of one metre if absent.
 
     Returns
     -------
@@ -153,11 +158,17 @@ def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> 
     ConfigError
         A shape is wrong, or a value is out of range.
     """
-    return _of_densities(lambda density: (float(density.min()), float(density.max())), x, mass, resolution)
+    return _of_densities(
+        lambda density: (float(density.min()), float(density.max())), x, mass, resolution, cells
+    )
 
 
 def density_percentile(
-    x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int, percentile: float = 99.0
+    x: npt.ArrayLike,
+    mass: npt.ArrayLike,
+    resolution: int,
+    percentile: float = 99.0,
+    cells: Sequence[int] | None = None,
 ) -> _Floats:
     """Return a percentile of the density at the particles, that of `density_extremes`.
 
@@ -170,20 +181,27 @@ def density_percentile(
     def high(density: _Floats) -> tuple[float]:
         return (float(np.percentile(density, percentile)),)
 
-    return _of_densities(high, x, mass, resolution)[..., 0]
+    return _of_densities(high, x, mass, resolution, cells)[..., 0]
 
 
 def _of_densities(
-    measure: Callable[[_Floats], tuple[float, ...]], x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int
+    measure: Callable[[_Floats], tuple[float, ...]],
+    x: npt.ArrayLike,
+    mass: npt.ArrayLike,
+    resolution: int,
+    cells: Sequence[int] | None,
 ) -> _Floats:
     """Return what `measure` says of the densities (N,) at the particles, frame by frame."""
     positions, masses = checked_particles("x", x, mass)
-    resolution = whole("resolution", resolution, 8, 1024)
-    if not ((positions >= 0) & (positions <= 1)).all():
-        raise ConfigError("x must be in [0, 1] m")
+    resolution = whole("resolution", resolution, 1, 1_000_000)
+    counts = grid_cells(positions.shape[-1], resolution, cells)
+    upper = np.array(counts) / resolution
+    if not ((positions >= 0) & (positions <= upper)).all():
+        room = "[0, 1] m" if cells is None else f"the world, up to {upper.tolist()} m"
+        raise ConfigError(f"x must be in {room}")
 
     def of_frame(frame: _Floats) -> tuple[float, ...]:
-        stencils = Stencils.at(frame, resolution)
+        stencils = Stencils.at(frame, resolution, counts)
         density = stencils.gather(stencils.scatter(masses)) * float(resolution) ** frame.shape[1]
         return measure(density)
 

@@ -57,7 +57,7 @@ def compare(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.f
     wider = radius * (true.positions.shape[1] / predicted.positions.shape[1]) ** (1 / scene.dim)
     kinetic = [kinetic_energy(one.velocities, one.mass) for one in both]
     mechanical = [energy + _height_energy(one) for energy, one in zip(kinetic, both, strict=True)]
-    density = [density_extremes(one.positions, one.mass, scene.resolution)[:, 1] for one in both]
+    density = [density_extremes(one.positions, one.mass, scene.resolution, scene.cells)[:, 1] for one in both]
     return {
         **_grid_errors(predicted, true),
         "kinetic_energy": energy_error(*kinetic),
@@ -75,8 +75,12 @@ def _grid_errors(predicted: Recording, true: Recording) -> dict[str, npt.NDArray
     """Return the grid errors, one state at a time: the grids of all states would take gigabytes in 3D."""
     measures = {"grid_rmse": grid_rmse, "grid_nrmse": grid_nrmse, "grid_node_error": grid_node_error}
     errors = {name: np.empty(len(true.frames)) for name in measures}
+    scene = true.scene
     for row, (x, t) in enumerate(zip(predicted.positions, true.positions, strict=True)):
-        grids = [grid_mass(one, two.mass, true.scene.resolution) for one, two in ((x, predicted), (t, true))]
+        grids = [
+            grid_mass(one, two.mass, scene.resolution, scene.cells)
+            for one, two in ((x, predicted), (t, true))
+        ]
         for name, measure in measures.items():
             errors[name][row] = measure(*grids)
     return errors

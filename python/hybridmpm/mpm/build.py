@@ -12,6 +12,7 @@ from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import Emitter, Particles, Scene
 from hybridmpm.scene.sampling import JITTER
+from hybridmpm.scene.world import cells_of
 
 _PATTERNS = 16
 """Number of layers with jitter of their own; they are used in turn."""
@@ -35,6 +36,7 @@ def native_solver(
     ]
     return _core.Solver(
         resolution=level.resolution,
+        cells=cells_of(scene.size, level.resolution),
         frame_dt=scene.frame_dt,
         gravity=scene.gravity,
         wall_lower=scene.walls.lower,

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, cast
@@ -20,6 +21,7 @@ from hybridmpm.errors import (
     ConfigError,
     CostlyMaterialWarning,
     FullBoxWarning,
+    RoundedWorldWarning,
     SoftMaterialWarning,
     ThinObstacleWarning,
     TornBodyWarning,
@@ -35,6 +37,7 @@ from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Elastic, ParticleLimitWarning, Scene
 from hybridmpm.scene.openings import EmitterStatus
+from hybridmpm.scene.world import rounded_up
 from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
@@ -89,6 +92,8 @@ class MpmSolver(CoarseSimulator):
         A body is so light or so stiff that each frame takes 200 substeps or more.
     FullBoxWarning
         Bodies fill the box between the walls.
+    RoundedWorldWarning
+        The size of the world is no whole number of grid cells.
     SoftMaterialWarning
         A material is compressed by its own weight by a tenth or more.
     CoarseWarning
@@ -166,12 +171,8 @@ class MpmSolver(CoarseSimulator):
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
                 warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
-        for text in soft_materials(scene):
-            warnings.warn(text, SoftMaterialWarning, stacklevel=2)
-        if (full := full_box(scene)) is not None:
-            warnings.warn(full, FullBoxWarning, stacklevel=2)
-        for text in scene.thin_obstacles():
-            warnings.warn(text, ThinObstacleWarning, stacklevel=2)
+        for category, text in _warnings_of(scene):
+            warnings.warn(text, category, stacklevel=2)
         self._start = self.snapshot()
 
     def _traits(self) -> list[str]:
@@ -519,6 +520,18 @@ class MpmSolver(CoarseSimulator):
     def reset(self) -> None:
         """Go back to frame 0."""
         self.restore(self._start)
+
+
+def _warnings_of(scene: Scene) -> Iterator[tuple[type[Warning], str]]:
+    """Yield the warnings about a scene that do not depend on the solver."""
+    for text in soft_materials(scene):
+        yield SoftMaterialWarning, text
+    if (full := full_box(scene)) is not None:
+        yield FullBoxWarning, full
+    if (rounded := rounded_up(scene.size, scene.resolution)) is not None:
+        yield RoundedWorldWarning, rounded
+    for text in scene.thin_obstacles():
+        yield ThinObstacleWarning, text
 
 
 def _refuse_beside_coarse(**given: bool) -> None:

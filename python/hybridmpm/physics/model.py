@@ -62,6 +62,11 @@ class NeuralModel(ServedNetwork):
             there were none: the message names both values. Or particles come and go, or obstacles move.
         """
         trained = self.spec.trained_on
+        if scene.world is not None:
+            size = " x ".join(f"{length:g}" for length in scene.size)
+            raise ConfigError(
+                f"{self._for()}, in a world of one metre along each axis; that of the scene has {size} m"
+            )
         pairs = {
             "dim": (scene.dim, trained.dim),
             "frame_dt": (scene.frame_dt, trained.frame_dt),

@@ -24,6 +24,7 @@ from hybridmpm.scene.openings import (
 from hybridmpm.scene.sampling import Particles
 from hybridmpm.scene.scene import Scene
 from hybridmpm.scene.walls import Wall, WallFaces, Walls
+from hybridmpm.scene.world import World
 
 __all__ = [
     "Ball",
@@ -54,5 +55,6 @@ __all__ = [
     "WallFaces",
     "Walls",
     "Water",
+    "World",
     "plain_data",
 ]

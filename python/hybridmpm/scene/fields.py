@@ -65,12 +65,14 @@ def _brief(value: float) -> str:
 
 Points = npt.NDArray[np.float64]
 """Points or vectors (..., D)."""
-Coordinate = Annotated[float, Range(0, 1, "m")]
-Length = Annotated[float, Range(0, 1, "m", open_low=True)]
+LONGEST = 4096
+"""Largest length of a world [m]."""
+Coordinate = Annotated[float, Range(0, LONGEST, "m")]
+Length = Annotated[float, Range(0, LONGEST, "m", open_low=True)]
 _Unmasked = BeforeValidator(partial(unmasked, "the vector", error=ValueError))
 _Size = Field(min_length=2, max_length=3)
 Point = Annotated[tuple[Coordinate, ...], _Size, _Unmasked]
-"""Point of the world box, D coordinates [m]."""
+"""Point of the world, D coordinates [m]; a scene checks that they lie in its own."""
 Direction = Annotated[tuple[Annotated[float, Range(-1e3, 1e3)], ...], _Size, _Unmasked]
 Velocity = Annotated[tuple[Annotated[float, Range(-50, 50, "m/s")], ...], _Size, _Unmasked]
 Gravity = Annotated[tuple[Annotated[float, Range(-1000, 1000, "m/s^2")], ...], _Size, _Unmasked]

@@ -184,7 +184,7 @@ def _rounded(x: Points) -> npt.NDArray[np.float32]:
 
 def _keys(scene: Fillable, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return one number (n,) for each site, different for different sites."""
-    extent = int(np.ceil(1.0 / scene.spacing)) + 1
+    extent = int(np.ceil(max(scene.walls.upper) / scene.spacing)) + 1
     return np.asarray(np.ravel_multi_index(tuple(sites.T), (extent,) * scene.dim), dtype=np.int64)
 
 

@@ -1,7 +1,7 @@
 """`Scene`: everything that a simulation needs to start, as checked data with JSON and YAML forms.
 
-The world is the box [0, 1]^D in metres, with y up. Times are in seconds. Every number is checked on
-construction, so that the rest of the library may trust a scene.
+The world is a box in metres from the origin on, one along each axis if absent, with y up. Times are in
+seconds. Every number is checked on construction, so that the rest of the library may trust a scene.
 """
 
 import html
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
@@ -23,6 +23,7 @@ from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
 from hybridmpm.scene.sampling import Particles, sample
 from hybridmpm.scene.walls import Walls
+from hybridmpm.scene.world import World, cells_of, grid_faults, outside
 
 DEFAULT_MAX_PARTICLES = 200_000
 MIN_CELLS_THICK = 0.5
@@ -35,8 +36,6 @@ _ROUNDING = 1e-9
 """Length [m] by which bounds may reach past a wall: a ball that just touches it does so by rounding."""
 MIN_CELLS_BETWEEN_WALLS = 4
 """Smallest distance [cells] of opposite walls, so that no grid node interacts with both."""
-_MAX_RESOLUTION_3D = 512
-"""Largest resolution in 3D [cells/m]; the dense grid takes 2.3 GB there, and eight times as much at twice."""
 _SHAPES_OF_ONE_DIMENSION = {
     ("bodies", "polygon"): (2, "box, ball and cylinder"),
     ("bodies", "cylinder"): (3, "box, ball and polygon"),
@@ -50,6 +49,14 @@ def _by_dim(two: Any, three: Any) -> Any:
     return lambda fields: two if fields["dim"] == 2 else three
 
 
+def _whole_world(fields: dict[str, Any]) -> Walls:
+    """Return the walls of a scene that names none."""
+    dim, world = fields["dim"], fields["world"]
+    if world is None or len(world.size) != dim:
+        return Walls(lower=(0.1,) * dim, upper=(0.9,) * dim)
+    return Walls(lower=(0.0,) * dim, upper=world.size)
+
+
 class Scene(Record):
     """A world box with walls, bodies, obstacles, emitters, sinks and numerical settings.
 
@@ -59,7 +66,11 @@ class Scene(Record):
 
     name: Annotated[str, Field(max_length=200, description="Name of the scene, for people.")] = ""
     dim: Literal[2, 3] = Field(description="Dimension D of the scene.")
-    resolution: Annotated[int, Range(8, 1024, "cells")] = Field(
+    world: World | None = Field(
+        None,
+        description="Size of the world; one metre along each axis if absent. Cells are cubes in any world.",
+    )
+    resolution: Annotated[int, Range(1, 1_000_000, "cells")] = Field(
         default_factory=_by_dim(128, 64), description="Grid cells per metre; 128 in 2D, 64 in 3D if absent."
     )
     frame_dt: Annotated[float, Range(0, 0.1, "s", open_low=True)] = Field(
@@ -70,10 +81,9 @@ class Scene(Record):
         description="Gravity, D numbers [m/s^2]; 9.81 along -y if absent.",
     )
     walls: Walls = Field(
-        default_factory=_by_dim(
-            Walls(lower=(0.1,) * 2, upper=(0.9,) * 2), Walls(lower=(0.1,) * 3, upper=(0.9,) * 3)
-        ),
-        description="Box that no particle leaves; from 0.1 to 0.9 m along each axis if absent.",
+        default_factory=_whole_world,
+        description="Box that no particle leaves; if absent, from 0.1 to 0.9 m along each axis, and all of a "
+        "world that is given.",
     )
     bodies: Annotated[tuple[Body, ...], Field(max_length=1000)] = Field(
         description="Shapes of material that become particles at the start; at least one in a scene without "
@@ -105,9 +115,27 @@ class Scene(Record):
         "pauses while another layer would exceed it.",
     )
 
+    @field_validator("world")
+    @classmethod
+    def _unit_is_none(cls, world: World | None, info: ValidationInfo) -> World | None:
+        """Scenes of one metre are equal whether they say so or not."""
+        return None if world is not None and world.size == (1.0,) * info.data.get("dim", 0) else world
+
+    @field_validator("resolution")
+    @classmethod
+    def _fits_the_world(cls, resolution: int, info: ValidationInfo) -> int:
+        """Refuse grids that are too coarse or too large together with the other faults of fields."""
+        dim, world = info.data.get("dim"), info.data.get("world")
+        if dim is not None and "world" in info.data and (world is None or len(world.size) == dim):
+            for where, text in grid_faults((1.0,) * dim if world is None else world.size, resolution):
+                if where == ("resolution",):
+                    raise ValueError(text)
+        return resolution
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         raise_faults("Scene", self._dimension_faults())
+        raise_faults("Scene", self._world_faults())
         raise_faults("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
         return self
 
@@ -116,6 +144,7 @@ class Scene(Record):
             (("gravity",), self.gravity),
             (("walls", "lower"), self.walls.lower),
             (("walls", "upper"), self.walls.upper),
+            *([] if self.world is None else [(("world", "size"), self.world.size)]),
         ]
         faults: list[Fault] = []
         for group in ("bodies", "obstacles", "emitters", "sinks"):
@@ -138,11 +167,15 @@ class Scene(Record):
             if len(vector) != self.dim
         ]
 
+    def _world_faults(self) -> list[Fault]:
+        parts: list[tuple[tuple[str | int, ...], Record]] = [(("walls",), self.walls)]
+        for group in ("bodies", "obstacles", "emitters", "sinks"):
+            parts += [((group, i, part.shape), part) for i, part in enumerate(getattr(self, group))]
+        found = ((start, outside(part, self.size)) for start, part in parts)
+        return [((*start, *where), text) for start, faults in found for where, text in faults]
+
     def _range_faults(self) -> list[Fault]:
-        faults: list[Fault] = []
-        if self.dim == 3 and self.resolution > _MAX_RESOLUTION_3D:
-            text = f"must be in [8, {_MAX_RESOLUTION_3D}] for dim 3, got {self.resolution}"
-            faults.append((("resolution",), text))
+        faults = grid_faults(self.size, self.resolution)
         needed = MIN_CELLS_BETWEEN_WALLS * self.dx
         for axis, (a, b) in enumerate(zip(self.walls.lower, self.walls.upper, strict=True)):
             if b - a < needed * (1 - 1e-9):
@@ -219,6 +252,16 @@ class Scene(Record):
     def is_open(self) -> bool:
         """Whether particles may come and go."""
         return bool(self.emitters or self.sinks)
+
+    @property
+    def size(self) -> tuple[float, ...]:
+        """Length of the world along each axis (D,) [m]."""
+        return (1.0,) * self.dim if self.world is None else self.world.size
+
+    @property
+    def cells(self) -> tuple[int, ...]:
+        """Number of grid cells along each axis (D,); the last ones may reach beyond the world."""
+        return cells_of(self.size, self.resolution)
 
     @property
     def dx(self) -> float:

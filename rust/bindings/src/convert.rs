@@ -115,6 +115,26 @@ pub fn describe(value: &Bound<'_, PyAny>) -> String {
     }
 }
 
+/// Numbers of cells along each axis; as many as a metre has where none are given.
+pub fn cells_or_unit(
+    cells: Option<Vec<usize>>,
+    resolution: usize,
+    dim: usize,
+) -> PyResult<Vec<usize>> {
+    let cells = cells.unwrap_or_else(|| vec![resolution; dim]);
+    if cells.len() == dim {
+        return Ok(cells);
+    }
+    Err(config_error(format!(
+        "cells must have {dim} numbers, got {cells:?}"
+    )))
+}
+
+/// The same for a const dimension, after a check of their number.
+pub fn along_axes<const D: usize>(numbers: &[usize]) -> [usize; D] {
+    std::array::from_fn(|axis| numbers[axis])
+}
+
 /// D floats.
 pub fn vector<const D: usize>(name: &str, values: &[f64]) -> PyResult<Vector<D>> {
     if values.len() != D {

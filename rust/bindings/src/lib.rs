@@ -17,25 +17,28 @@ mod solver;
 use numpy::{IntoPyArray, Ix1, Ix2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use convert::{array, slice_of};
+use convert::{along_axes, array, cells_or_unit, slice_of};
 use error::NativeError;
 
-/// Mass of the nodes of a grid over [0, 1]^D.
+/// Mass of the nodes of a grid over the world, [0, 1]^D without `cells`.
 #[pyfunction]
+#[pyo3(signature = (x, mass, resolution, cells=None))]
 fn grid_mass<'py>(
     py: Python<'py>,
     x: &Bound<'py, PyAny>,
     mass: &Bound<'py, PyAny>,
     resolution: usize,
+    cells: Option<Vec<usize>>,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
     let x = array::<f32, Ix2>("x", "float32 of shape (N, D)", x)?;
     let mass = array::<f32, Ix1>("mass", "float32 of shape (N,)", mass)?;
     let dim = x.shape()[1];
     let (x, mass) = (slice_of(&x), slice_of(&mass));
+    let cells = cells_or_unit(cells, resolution, dim)?;
     let nodes = py
         .detach(|| match dim {
-            2 => mpm::grid_mass::<2>(x, mass, resolution),
-            3 => mpm::grid_mass::<3>(x, mass, resolution),
+            2 => mpm::grid_mass::<2>(x, mass, resolution, along_axes(&cells)),
+            3 => mpm::grid_mass::<3>(x, mass, resolution, along_axes(&cells)),
             _ => Err(mpm::MpmError::parameter(
                 "x",
                 "of shape (N, 2) or (N, 3)",
@@ -43,7 +46,9 @@ fn grid_mass<'py>(
             )),
         })
         .map_err(NativeError)?;
-    nodes.into_pyarray(py).reshape(vec![resolution + 1; dim])
+    nodes
+        .into_pyarray(py)
+        .reshape(cells.iter().map(|count| count + 1).collect::<Vec<_>>())
 }
 
 /// Instruction sets of this processor that matter for speed.

@@ -1,14 +1,14 @@
 //! A force as smooth as a coarse grid: from the particles to its nodes, and back.
 
-/// Means of an acceleration, weighted by mass, in the nodes of a grid over [0, 1]^D; weights are linear.
+/// Means of an acceleration, weighted by mass, in the nodes of a grid over the world; weights are linear.
 ///
 /// First all particles `add` theirs, then `finish`, then each particle reads it `at` its place. The momentum that the
 /// particles get in all is as before.
 pub struct Filter<const D: usize> {
     /// Cells per metre.
     scale: f32,
-    /// Largest number of a cell along an axis.
-    last: f32,
+    /// Largest number of a cell along each axis.
+    last: [f32; D],
     /// How far the corners of a cell are from its lowest node.
     corners: [usize; 8],
     strides: [usize; D],
@@ -17,9 +17,13 @@ pub struct Filter<const D: usize> {
 }
 
 impl<const D: usize> Filter<D> {
-    pub fn new(cells: u32) -> Self {
-        let side = cells as usize + 1;
-        let strides: [usize; D] = std::array::from_fn(|axis| side.pow(axis as u32));
+    /// For a world of this size [m], which begins at the origin.
+    pub fn new(cells: u32, size: &[f32; D]) -> Self {
+        let counts = cells_along(cells, size);
+        let strides: [usize; D] = std::array::from_fn(|axis| {
+            let before = counts[..axis].iter();
+            before.map(|count| count + 1).product()
+        });
         let corner = |corner: usize| {
             (0..D)
                 .map(|axis| (corner >> axis & 1) * strides[axis])
@@ -27,10 +31,10 @@ impl<const D: usize> Filter<D> {
         };
         Self {
             scale: cells as f32,
-            last: (cells - 1) as f32,
+            last: counts.map(|count| (count - 1) as f32),
             corners: std::array::from_fn(corner),
             strides,
-            nodes: vec![[0.0; 4]; side.pow(D as u32)],
+            nodes: vec![[0.0; 4]; counts.iter().map(|count| count + 1).product()],
         }
     }
 
@@ -40,9 +44,9 @@ impl<const D: usize> Filter<D> {
         let mut base = 0;
         let mut weights = [[0.0; 2]; D];
         for axis in 0..D {
-            let at = (x[axis] * self.scale).clamp(0.0, self.scale);
+            let at = (x[axis] * self.scale).clamp(0.0, self.last[axis] + 1.0);
             // Not negative, so the integer part is the floor.
-            let cell = (at as u32 as f32).min(self.last);
+            let cell = (at as u32 as f32).min(self.last[axis]);
             base += cell as usize * self.strides[axis];
             weights[axis] = [1.0 - (at - cell), at - cell];
         }
@@ -89,6 +93,11 @@ impl<const D: usize> Filter<D> {
     }
 }
 
+/// Number of cells along each axis of a world of this size [m].
+pub fn cells_along<const D: usize>(cells: u32, size: &[f32; D]) -> [usize; D] {
+    size.map(|length| ((f64::from(cells) * f64::from(length) - 1.0e-4).ceil() as usize).max(1))
+}
+
 /// Where a particle lies among the nodes.
 pub struct Place<const D: usize> {
     /// The lowest node of its cell.
@@ -113,7 +122,7 @@ mod tests {
     use super::*;
 
     fn smooth(x: &[[f32; 2]], mass: &[f32], force: &mut [[f32; 2]]) {
-        let mut filter = Filter::new(32);
+        let mut filter = Filter::new(32, &[1.0; 2]);
         for ((x, &mass), force) in x.iter().zip(mass).zip(&*force) {
             filter.add(&filter.place(x), mass, force);
         }

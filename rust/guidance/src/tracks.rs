@@ -2,12 +2,14 @@
 
 use crate::detour::{Detour, WayOn};
 use crate::error::GuidanceError;
-use crate::filter::{Filter, Place};
+use crate::filter::{Filter, Place, cells_along};
 use crate::free_space::FreeSpace;
 use crate::paths::Paths;
 
 /// Shortest time in which a way around obstacles is gone, over `Law::shortest`.
 const UNHURRIED: f32 = 1.0;
+/// Most cells of the grid on which the force is smoothed.
+const MOST_CELLS: usize = 1 << 24;
 
 /// Settings of the force.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +22,8 @@ pub struct Law<const D: usize> {
     pub ahead: f32,
     /// Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
     pub cells: u32,
+    /// Size of the world [m].
+    pub size: [f32; D],
     /// Largest acceleration of a particle [m/s^2].
     pub cap: f32,
 }
@@ -74,10 +78,14 @@ impl<const D: usize> Tracks<D> {
         if let Some(&far) = path.iter().find(|&&path| path as usize >= count) {
             return Err(GuidanceError::new("path", format!("below {count}"), &far));
         }
-        if !(law.shortest > 0.0 && law.ahead > 0.0 && law.cap > 0.0 && law.cells <= 256) {
+        if !(law.shortest > 0.0
+            && law.ahead > 0.0
+            && law.cap > 0.0
+            && cells_along(law.cells, &law.size).iter().product::<usize>() <= MOST_CELLS)
+        {
             return Err(GuidanceError::new(
                 "law",
-                "of times and a cap above 0 and at most 256 cells",
+                "of times and a cap above 0 and at most 2^24 cells",
                 &format!("{law:?}"),
             ));
         }
@@ -164,7 +172,7 @@ impl<const D: usize> Tracks<D> {
     }
 
     fn smooth(&self, x: &[[f32; D]], mass: &[f32], force: &mut [[f32; D]]) {
-        let mut filter = Filter::new(self.law.cells);
+        let mut filter = Filter::new(self.law.cells, &self.law.size);
         let places: Vec<Place<D>> = x.iter().map(|x| filter.place(x)).collect();
         for ((place, &mass), force) in places.iter().zip(mass).zip(&*force) {
             filter.add(place, mass, force);

@@ -11,8 +11,10 @@ use crate::substep::Substeps;
 /// Everything about a scene but its particles.
 #[derive(Debug, Clone)]
 pub struct SolverSettings<const D: usize> {
-    /// Grid cells along each axis, 8 to 1024.
+    /// Grid cells per metre.
     pub resolution: usize,
+    /// Grid cells along each axis of the world, which begins at the origin.
+    pub cells: [usize; D],
     /// Length of a frame [s].
     pub frame_dt: f32,
     /// Gravity [m/s^2].
@@ -31,16 +33,37 @@ pub struct SolverSettings<const D: usize> {
     pub threads: usize,
 }
 
+/// Most cells per metre.
+pub const MAX_RESOLUTION: usize = 1 << 20;
+/// Fewest and most cells along an axis.
+pub const CELLS: [usize; 2] = [8, 4096];
+/// Most cells of a grid; indices of nodes have 32 bits.
+const MAX_CELLS: usize = 1 << 30;
+
+/// Refuses grids that are too coarse or too large.
+pub(crate) fn check_grid<const D: usize>(
+    resolution: usize,
+    cells: [usize; D],
+) -> Result<(), MpmError> {
+    let [fewest, most] = CELLS;
+    if !(1..=MAX_RESOLUTION).contains(&resolution) {
+        let allowed = "in [1, 1048576] cells per metre";
+        return Err(MpmError::parameter("resolution", allowed, resolution));
+    }
+    if cells.iter().any(|count| !(fewest..=most).contains(count)) {
+        let allowed = "in [8, 4096] along each axis";
+        return Err(MpmError::parameter("cells", allowed, cells));
+    }
+    if cells.iter().product::<usize>() > MAX_CELLS {
+        return Err(MpmError::parameter("cells", "at most 2^30 together", cells));
+    }
+    Ok(())
+}
+
 impl<const D: usize> SolverSettings<D> {
     /// Returns an error for settings out of range.
     pub(crate) fn check(&self) -> Result<(), MpmError> {
-        if !(8..=1024).contains(&self.resolution) {
-            return Err(MpmError::parameter(
-                "resolution",
-                "in [8, 1024]",
-                self.resolution,
-            ));
-        }
+        check_grid(self.resolution, self.cells)?;
         if !(self.frame_dt > 0.0 && self.frame_dt.is_finite()) {
             return Err(MpmError::parameter(
                 "frame_dt",
@@ -77,7 +100,7 @@ impl<const D: usize> SolverSettings<D> {
         if let Some(sleep) = &self.sleep {
             sleep.check()?;
         }
-        self.walls.check(1.0 / self.resolution as f32)?;
+        self.walls.check(1.0 / self.resolution as f32, self.cells)?;
         let openings = &self.openings;
         openings.sinks.iter().try_for_each(Shape::check)?;
         let mut numbered = openings.emitters.iter().enumerate();

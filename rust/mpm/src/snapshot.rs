@@ -213,6 +213,7 @@ fn read<const D: usize, S: State>(id: u32, take: &mut impl FnMut() -> f32) -> Pa
 fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
     let SolverSettings {
         resolution,
+        cells,
         frame_dt,
         gravity,
         walls,
@@ -230,7 +231,13 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
         "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {contact_friction:?} {materials:?} {obstacles:?} \
          {emitters:?} {sinks:?} {sleep:?}"
     );
-    fnv1a(text.as_bytes())
+    // A world of one metre has the fingerprint that it had when there were no others.
+    let of_world = if *cells == [*resolution; D] {
+        String::new()
+    } else {
+        format!(" {cells:?}")
+    };
+    fnv1a((text + &of_world).as_bytes())
 }
 
 pub(crate) fn fnv1a(bytes: &[u8]) -> u64 {

@@ -9,7 +9,7 @@ import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } from "./panels/scene-panel.js";
-import { asCoarse, chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackFrame } from "./panels/simulator-panel.js";
+import { asCoarse, chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
@@ -192,6 +192,7 @@ function showSession(hello) {
 
 function onStatus(status) {
   livePanel.showStatus(status);
+  trackForces(status.session.frame, status.forces);
   showWho(status.session, status.history);
   shown.speed = status.session.speed;
   shown.centroid = status.session.centroid;

@@ -216,11 +216,12 @@ def _hello(session: Session, version: int) -> str:
 
 
 def _status(session: Session) -> str:
-    history = HistoryBody.of(session)
+    history, forces = HistoryBody.of(session), session.simulation.forces()
     return _text(
         "status",
         session=_session(session),
         history=None if history is None else history.model_dump(mode="json"),
+        forces=None if forces is None else forces.model_dump(mode="json"),
         **vars(session.simulation.timing()),
     )
 

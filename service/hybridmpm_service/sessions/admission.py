@@ -9,6 +9,7 @@ from hybridmpm import Scene, SceneError
 from hybridmpm.checking import Finding
 from hybridmpm.mpm import frame_cost
 from hybridmpm.scene import Motion
+from hybridmpm.scene.world import cells_of
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
@@ -24,9 +25,14 @@ _CHECK_POINTS = 20_000
 """Largest number of points of a body that its findings test."""
 
 
+def grid_nodes(scene: Scene) -> int:
+    """Return the number of nodes of a scene's grid."""
+    return math.prod(cells + 1 for cells in scene.cells)
+
+
 def building_cost(scene: Scene) -> float:
     """Return the estimated cost of building a scene, in tests of a point against a solid or a body."""
-    nodes: int = (scene.resolution + 1) ** scene.dim
+    nodes = grid_nodes(scene)
     still = sum(_tests(one.shape) for one in scene.obstacles if one.motion is None)
     solids = sum(_tests(one.shape) for one in scene.obstacles)
     sites = [_sites(scene, *body.bounds) for body in scene.bodies]
@@ -43,8 +49,7 @@ def building_cost(scene: Scene) -> float:
 def search_cost(scene: Scene) -> float:
     """Return the estimated cost of finding the nodes near moving obstacles, in tests as `building_cost`."""
     moving = sum(_tests(one.shape) for one in scene.obstacles if one.motion is not None)
-    nodes: int = (scene.resolution + 1) ** scene.dim
-    return nodes * moving * _SEARCH_SHARE
+    return grid_nodes(scene) * moving * _SEARCH_SHARE
 
 
 def estimated_frame_cost(scene: Scene, particles: int) -> float:
@@ -89,10 +94,14 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     SceneError
         The scene is beyond a limit; the message has the figure, the limit and a remedy.
     """
+    if scene.world is not None:
+        text = "is not shown by this server yet: leave it out, for a world of one metre along each axis"
+        raise SceneError.of([("world", text)])
     most = settings.max_grid_nodes
-    nodes = (scene.resolution + 1) ** scene.dim
-    if nodes > most:
-        allowed = int(most ** (1 / scene.dim)) - 1
+    if grid_nodes(scene) > most:
+        allowed = scene.resolution
+        while allowed > 1 and math.prod(cells + 1 for cells in cells_of(scene.size, allowed)) > most:
+            allowed -= 1
         text = f"must be at most {allowed} in {scene.dim}D on this server, got {scene.resolution}"
         raise SceneError.of([("resolution", text)])
     limit = min(scene.max_particles, settings.max_particles)

@@ -36,6 +36,7 @@ from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.view import (
     CellMeans,
     Control,
+    Forces,
     LastFrame,
     Particles,
     Phase,
@@ -137,6 +138,8 @@ class Steering:
 
 _TIMES_KEPT = 400
 """Number of latest frames whose solver times are kept."""
+_FORCES_KEPT = 40
+"""Number of the latest frames over which forces are averaged."""
 _PACE_WINDOW_SECONDS = 1.0
 """Length of the time over which the pace of the frames is measured."""
 
@@ -174,6 +177,7 @@ class Simulation:
         self._noted_hand: Push | None = None
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
+        self._forces: deque[npt.NDArray[np.float64]] = deque(maxlen=_FORCES_KEPT)
         self._frame_dt = self.scene.frame_dt
 
     @property
@@ -291,6 +295,7 @@ class Simulation:
         """Return to frame 0, without sketch and hand."""
         self.journal.clear()
         self._solver.reset()
+        self._forces.clear()
         self._steering = self._control = None
         self.hand = self._noted_hand = None
         if self._recorder is not None:
@@ -322,6 +327,7 @@ class Simulation:
         """
         rest = checkpoint.rest
         self._solver.restore(checkpoint.state)
+        self._forces.clear()
         self._control = None if rest["control"] is None else Control(**rest["control"])
         self._steering = None
         if checkpoint.guidance is not None and self._control is not None:
@@ -388,6 +394,13 @@ class Simulation:
         times = self._means_over_steps()
         return times[len(times) // 4] / 1000.0 if times else None
 
+    def forces(self) -> Forces | None:
+        """Return the mean forces on walls and obstacles over the latest frames; None where there are none.
+
+        Safe to call while another thread computes.
+        """
+        return Forces.over(tuple(self._forces.copy()), self.scene.dim)
+
     def timing(self) -> Timing:
         """Return the present times of frames. Safe to call while another thread computes."""
         times = self._means_over_steps()
@@ -425,6 +438,9 @@ class Simulation:
         self.computed_seconds += end - start
         self._milliseconds.append(1000.0 * (end - start))
         self._finished.append(end)
+        report = self._solver.last_frame
+        if report is not None and self._solver.kind == "mpm":
+            self._forces.append(report.forces)
         while self._finished[0] < end - _PACE_WINDOW_SECONDS:
             self._finished.popleft()
         self._steered = steering is not None

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.probes import PressureSamples
+from hybridmpm.scene import WallFaces
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage, Population
 
@@ -25,6 +26,8 @@ HISTORY_FRAMES = 1000
 """Number of frames for which values of the safeguard are kept: the length of most scenarios."""
 DIGITS = 4
 """Number of decimals of the safeguard's values in answers; its own noise is larger."""
+MOST_SOLIDS = 64
+"""Largest number of walls and obstacles whose forces are shown."""
 
 Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
 """Phase of a sketch."""
@@ -92,6 +95,33 @@ class Timing:
     """95th percentile of the same times [ms]."""
     time_scale: float
     """Simulated seconds per second, measured over the last second."""
+
+
+class Forces(_Record):
+    """Mean forces of the material on walls and obstacles over the latest frames."""
+
+    frames: int
+    """Number of these frames, at most 40."""
+    solids: tuple[str, ...]
+    """Names of the walls, such as "y_lower", and "obstacles[0]" and so on; the first 64."""
+    force: tuple[tuple[float, ...], ...]
+    """Force on each, D components [N]; in 2D per metre of depth."""
+    torque: tuple[tuple[float, ...], ...]
+    """Torque on each about the origin, 1 number in 2D, 3 in 3D [N m]."""
+
+    @classmethod
+    def over(cls, latest: Sequence[npt.NDArray[np.float64]], dim: int) -> "Forces | None":
+        """Return the means of tables as `Simulator.frame_forces` returns them; None without one."""
+        if not latest:
+            return None
+        rows = np.mean([table[:MOST_SOLIDS] for table in latest], axis=0)
+        walls = tuple(WallFaces.model_fields)[: 2 * dim]
+        names = (*walls, *(f"obstacles[{i}]" for i in range(len(rows) - len(walls))))
+
+        def table(columns: npt.NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+            return tuple(tuple(round(float(number), DIGITS) for number in row) for row in columns)
+
+        return cls(frames=len(latest), solids=names, force=table(rows[:, :dim]), torque=table(rows[:, dim:]))
 
 
 @dataclass(frozen=True, kw_only=True)

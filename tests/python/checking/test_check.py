@@ -222,7 +222,7 @@ def test_the_command_lists_all_faults_of_a_scene_that_is_none(tmp_path: Path) ->
     result = CliRunner().invoke(cli, ["check", str(file)])
     assert result.exit_code == 1
     assert "2 faults" in result.output
-    assert "resolution: must be in [8, 1024]" in result.output
+    assert "resolution: must be in [8, 4096]" in result.output
     answer = json.loads(CliRunner().invoke(cli, ["check", str(file), "--json"]).stdout)
     assert [one["field"] for one in answer["findings"]] == ["resolution", "frame_dt"]
     missing = CliRunner().invoke(cli, ["check", "nothing"])

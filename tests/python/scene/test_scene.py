@@ -115,10 +115,8 @@ def test_schema_describes_the_fields_and_refuses_others() -> None:
     json.dumps(schema)
     assert schema["required"] == ["dim", "bodies"]
     assert schema["additionalProperties"] is False
-    assert (schema["properties"]["resolution"]["minimum"], schema["properties"]["resolution"]["maximum"]) == (
-        8,
-        1024,
-    )
+    length = schema["$defs"]["World"]["properties"]["size"]["items"]
+    assert (length["exclusiveMinimum"], length["maximum"]) == (0, 4096)
     density = schema["$defs"]["Water"]["properties"]["density"]
     assert (density["exclusiveMinimum"], density["maximum"], density["default"]) == (0, 1e5, 1000.0)
 

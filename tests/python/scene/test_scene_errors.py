@@ -38,7 +38,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
     ("path", "value", "message"),
     [
         ("dim", 4, "dim: Input should be 2 or 3"),
-        ("resolution", 7, "resolution: must be in [8, 1024] cells, got 7"),
+        ("resolution", 7, "resolution: must be in [8, 4096] cells per metre in this world, got 7"),
         ("resolution", "fine", "resolution: Input should be a valid integer"),
         ("frame_dt", 0, "frame_dt: must be in (0, 0.1] s, got 0"),
         ("frame_dt", NAN, "frame_dt: must be in (0, 0.1] s, got nan"),
@@ -78,7 +78,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
             {"kind": "elastic", "poisson_ratio": 0.5},
             "bodies[0].material.poisson_ratio: must be in (-1, 0.5), got 0.5",
         ),
-        ("obstacles.0.radius", 0, "obstacles[0].radius: must be in (0, 1] m, got 0"),
+        ("obstacles.0.radius", 0, "obstacles[0].radius: must be in (0, 4096] m, got 0"),
         ("obstacles.0.contact", "glue", "obstacles[0].contact: … 'sticky', 'slip' or 'separating'"),
         ("obstacles.0", {"shape": "blob"}, "obstacles[0]: … 'ball', 'cylinder', 'half_space', got 'blob'"),
         (
@@ -152,12 +152,12 @@ def test_polygons_and_fine_grids_are_for_2d() -> None:
     with pytest.raises(SceneError, match=r"bodies\[0\]\.shape: polygon is for dim 2 only"):
         Scene.parse({"dim": 3, "bodies": [triangle]})
     ball = Ball(material="water", center=(0.5, 0.5, 0.5), radius=0.01)
-    with pytest.raises(SceneError, match=r"resolution: must be in \[8, 512\] for dim 3, got 513"):
+    with pytest.raises(SceneError, match=r"resolution: must be in \[8, 512\] cells per metre .*, got 513"):
         Scene(dim=3, resolution=513, bodies=(ball,))
 
 
 def test_constructors_raise_the_same_error_as_parse() -> None:
-    with pytest.raises(SceneError, match=r"lower\[0\]: must be in \[0, 1\] m, got -1"):
+    with pytest.raises(SceneError, match=r"lower\[0\]: must be in \[0, 4096\] m, got -1"):
         Box(material="water", lower=(-1, 0), upper=(1, 1))
     with pytest.raises(SceneError, match="bodies: is required"):
         Scene(dim=2)  # type: ignore[call-arg]

@@ -70,6 +70,20 @@ def test_the_status_has_the_times_of_frames(service: Any, path: str) -> None:
         assert status["session"]["id"] == path.rpartition("/")[2]
 
 
+def test_the_status_has_the_forces_on_walls_and_obstacles(service: Any, path: str) -> None:
+    with service.stream(path) as stream:
+        assert stream.text("status")["forces"] is None
+        stream.send(type="play")
+        stream.reach(300)
+        stream.send(type="pause")
+        forces = stream.status(playing=False)["forces"]
+    assert forces["solids"][:4] == ["x_lower", "x_upper", "y_lower", "y_upper"]
+    assert forces["frames"] == 40
+    floor = forces["solids"].index("y_lower")
+    assert forces["force"][floor][1] < 0
+    assert len(forces["torque"][floor]) == 1
+
+
 def test_frames_computed_over_http_reach_the_viewers(service: Any, path: str) -> None:
     with service.stream(path) as first, service.stream(path) as second:
         service.http.post(f"{path}/advance", json={"frames": 4})

@@ -34,7 +34,7 @@ struct Arrays<'a> {
 impl Arrays<'_> {
     fn tracks<const D: usize>(
         &self,
-        gravity: &[f32],
+        [gravity, size]: [&[f32]; 2],
         settings: (f32, f32, u32, f32),
         space: Option<&FreeSpace<D>>,
     ) -> PyResult<Tracks<D>> {
@@ -44,6 +44,7 @@ impl Arrays<'_> {
             shortest,
             ahead,
             cells,
+            size: fixed("size", size)?,
             cap,
         };
         let paths = Paths {
@@ -59,7 +60,7 @@ impl Arrays<'_> {
 #[pymethods]
 impl PyTracks {
     #[new]
-    #[pyo3(signature = (*, starts, times, x, v, path, offset, gravity, shortest, ahead, cells, cap, space=None))]
+    #[pyo3(signature = (*, starts, times, x, v, path, offset, gravity, shortest, ahead, cells, cap, size=None, space=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -76,6 +77,7 @@ impl PyTracks {
         ahead: f32,
         cells: u32,
         cap: f32,
+        size: Option<Vec<f32>>,
         space: Option<PyRef<'_, PyFreeSpace>>,
     ) -> PyResult<Self> {
         let starts = array::<u32, Ix1>("starts", "uint32 of shape (P + 1,)", starts)?;
@@ -101,15 +103,17 @@ impl PyTracks {
             offset: slice_of(&offset),
         };
         let settings = (shortest, ahead, cells, cap);
+        let size = size.unwrap_or_else(|| vec![1.0; dim]);
+        let vectors = [&gravity[..], &size[..]];
         let space = space.as_ref().map(|space| &space.inner);
         let inner = match (dim, space) {
-            (2, None) => AnyTracks::Plane(arrays.tracks(&gravity, settings, None)?),
+            (2, None) => AnyTracks::Plane(arrays.tracks(vectors, settings, None)?),
             (2, Some(AnySpace::Plane(room))) => {
-                AnyTracks::Plane(arrays.tracks(&gravity, settings, Some(room))?)
+                AnyTracks::Plane(arrays.tracks(vectors, settings, Some(room))?)
             }
-            (3, None) => AnyTracks::Space(arrays.tracks(&gravity, settings, None)?),
+            (3, None) => AnyTracks::Space(arrays.tracks(vectors, settings, None)?),
             (3, Some(AnySpace::Space(room))) => {
-                AnyTracks::Space(arrays.tracks(&gravity, settings, Some(room))?)
+                AnyTracks::Space(arrays.tracks(vectors, settings, Some(room))?)
             }
             _ => return Err(other_dimension(dim)),
         };

@@ -7,7 +7,7 @@ use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods}
 use pyo3::prelude::*;
 
 use super::any::AnySolver;
-use crate::convert::{array, describe, slice_of, vector};
+use crate::convert::{along_axes, array, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
 
@@ -136,6 +136,7 @@ impl<'py> Arrays<'py> {
 /// Constructor arguments besides the particles.
 pub struct Arguments<'py> {
     pub resolution: usize,
+    pub cells: Vec<usize>,
     pub frame_dt: f64,
     pub gravity: Vec<f64>,
     pub wall_lower: Vec<f64>,
@@ -173,6 +174,7 @@ impl Arguments<'_> {
                 let sinks = same_dim("sinks", dim, &self.sinks, solid)?;
                 let settings = SolverSettings {
                     resolution: self.resolution,
+                    cells: along_axes(&self.cells),
                     frame_dt: self.frame_dt as f32,
                     gravity: vector("gravity", &self.gravity)?,
                     walls: Walls {

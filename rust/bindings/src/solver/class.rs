@@ -14,7 +14,9 @@ use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{ForWalls, array, read_only, slice_of, vectors, wall_contacts, writable};
+use crate::convert::{
+    ForWalls, array, cells_or_unit, read_only, slice_of, vectors, wall_contacts, writable,
+};
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
@@ -82,12 +84,12 @@ impl PySolver {
 #[pymethods]
 impl PySolver {
     #[new]
-    #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
+    #[pyo3(signature = (*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper,
         wall_contact=ForWalls::All("separating".to_owned()), wall_friction=ForWalls::All(None), materials, obstacles=Vec::new(), emitters=Vec::new(),
         sinks=Vec::new(), max_particles=None, x, v, material, mass,
         volume, volume_ratio=None, body=None, contact_friction=None, substeps=None, cfl=None,
         allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
-        text_signature = "(*, resolution, frame_dt, gravity, wall_lower, wall_upper, \
+        text_signature = "(*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper, \
         wall_contact='separating', wall_friction=None, materials, obstacles=(), emitters=(), sinks=(), \
         max_particles=None, x, v, material, mass, volume, volume_ratio=None, body=None, contact_friction=None, \
         substeps='cfl', cfl=None, allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
@@ -98,6 +100,7 @@ impl PySolver {
     fn new(
         py: Python<'_>,
         resolution: usize,
+        cells: Option<Vec<usize>>,
         frame_dt: f64,
         gravity: Vec<f64>,
         wall_lower: Vec<f64>,
@@ -128,6 +131,7 @@ impl PySolver {
         let arrays = Arrays::new(dim, x, v, material, mass, volume, volume_ratio, body)?;
         let arguments = Arguments {
             resolution,
+            cells: cells_or_unit(cells, resolution, dim)?,
             frame_dt,
             gravity,
             wall_lower,

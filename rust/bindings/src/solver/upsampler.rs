@@ -12,7 +12,7 @@ use super::any::{AnySolver, AnyUpsampler, with_any};
 use super::build::{Arrays, same_dim};
 use super::class::PySolver;
 use super::held::Held;
-use crate::convert::{array, read_only, slice_of, vectors};
+use crate::convert::{along_axes, array, cells_or_unit, read_only, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, PyEmitter};
 
@@ -85,8 +85,8 @@ impl PyUpsampler {
 #[pymethods]
 impl PyUpsampler {
     #[new]
-    #[pyo3(signature = (solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
-        text_signature = "(solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=(), max_particles=None, x, v, material, mass, volume)")]
+    #[pyo3(signature = (solver, *, resolution, cells=None, affine_share=0.5, relaxation=2.0, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
+        text_signature = "(solver, *, resolution, cells=None, affine_share=0.5, relaxation=2.0, emitters=(), max_particles=None, x, v, material, mass, volume)")]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -95,6 +95,7 @@ impl PyUpsampler {
         py: Python<'_>,
         solver: &PySolver,
         resolution: usize,
+        cells: Option<Vec<usize>>,
         affine_share: f32,
         relaxation: f32,
         emitters: Vec<PyRef<'_, PyEmitter>>,
@@ -107,6 +108,7 @@ impl PyUpsampler {
     ) -> PyResult<Self> {
         let dim = solver.dimension();
         let arrays = Arrays::new(dim, x, v, material, mass, volume, None, None)?;
+        let cells = cells_or_unit(cells, resolution, dim)?;
         let particles = arrays.particles();
         let constants = UpsamplingConstants {
             affine_share,
@@ -121,7 +123,8 @@ impl PyUpsampler {
                 };
                 let emitters = same_dim("emitters", dim, &emitters, opening)?;
                 let mut settings = $coarse.settings().clone();
-                let coarse_resolution = std::mem::replace(&mut settings.resolution, resolution);
+                let coarse_grid = (settings.resolution, settings.cells);
+                (settings.resolution, settings.cells) = (resolution, along_axes(&cells));
                 settings.openings = Openings {
                     emitters,
                     max_particles: max_particles.unwrap_or(usize::MAX),
@@ -138,7 +141,7 @@ impl PyUpsampler {
                     mass: &mass,
                 };
                 let upsampler = py.detach(|| {
-                    Upsampler::new(&settings, coarse_resolution, constants, particles, &coarse)
+                    Upsampler::new(&settings, coarse_grid, constants, particles, &coarse)
                 });
                 AnyUpsampler::$variant(Box::new(upsampler.map_err(NativeError)?))
             }};

@@ -5,6 +5,7 @@ const LAW: Law<2> = Law {
     shortest: 0.04,
     ahead: 0.06,
     cells: 0,
+    size: [1.0; 2],
     cap: 1e6,
 };
 

@@ -71,15 +71,16 @@ impl<const D: usize> Walls<D> {
         (0..D).all(|axis| x[axis] >= self.lower[axis] && x[axis] <= self.upper[axis])
     }
 
-    /// Refuses walls outside [0, 1] or closer to each other than four cells.
-    pub fn check(&self, dx: f32) -> Result<(), MpmError> {
+    /// Refuses walls outside of a world of `cells` of size `dx` [m], or closer to each other than four cells.
+    pub fn check(&self, dx: f32, cells: [usize; D]) -> Result<(), MpmError> {
         for axis in 0..D {
+            let end = (cells[axis] as f32 + 1.0e-3) * dx;
             let (lower, upper) = (self.lower[axis], self.upper[axis]);
             // A thousandth of a cell is more than the difference of two rounded positions can lack.
-            if !(lower >= 0.0 && upper <= 1.0 && upper - lower >= 3.999 * dx) {
+            if !(lower >= 0.0 && upper <= end && upper - lower >= 3.999 * dx) {
                 return Err(MpmError::parameter(
                     format!("walls along axis {axis}"),
-                    "in [0, 1] and at least four cells apart",
+                    "inside the world and at least four cells apart",
                     (lower, upper),
                 ));
             }

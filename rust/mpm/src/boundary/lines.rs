@@ -117,7 +117,7 @@ impl<'a, const D: usize> Solids<'a, D> {
         }
         let xi = node[axis] as f32 + inward * t;
         let base = (xi - 0.5).floor();
-        if base < 0.0 || base as usize + 3 > self.layout.extent {
+        if base < 0.0 || base as usize + 3 > self.layout.extents[axis] {
             return None;
         }
         let mut weights = spline(xi - base);

@@ -57,11 +57,12 @@ impl<const D: usize> MovingObstacles<D> {
         near: &mut [bool],
     ) {
         let before = self.speed;
+        let corner = layout.upper();
         (self.speed, self.dt) = (0.0, dt);
         for (obstacle, place) in list.iter().zip(&mut self.poses) {
             if let Some(motion) = obstacle.motion {
                 let pose = motion.pose(time);
-                self.speed = self.speed.max(obstacle.speed(&pose));
+                self.speed = self.speed.max(obstacle.speed(&pose, &corner));
                 *place = Some(pose);
             }
         }
@@ -88,7 +89,7 @@ impl<const D: usize> MovingObstacles<D> {
             for (index, obstacle) in list.iter().enumerate() {
                 if let Some(pose) = &self.poses[index] {
                     let nodes = &mut self.nodes.nodes;
-                    let near = &mut near[row * layout.row_length..][..layout.extent];
+                    let near = &mut near[row * layout.row_length..][..layout.columns()];
                     let solid = (obstacle, Some(pose));
                     search_row(solid, layout, row, MARGIN_CELLS, near, |column, _, _| {
                         nodes.push(ReachableNode {
@@ -118,12 +119,12 @@ pub(super) fn search_row<const D: usize>(
     let (outer, inner) = (stencil_reach(layout) + margin, -BAND_CELLS * dx - margin);
     let mut node = layout.row_coordinates(row);
     let mut column = 0;
-    while column < layout.extent {
+    while column < layout.columns() {
         node[D - 1] = column;
         let (distance, normal) = obstacle.distance_in(pose, &layout.position(node));
         // A distance changes by at most dx from one node to the next.
         let to_surface = (distance - outer).max(inner - distance);
-        let stride = ((to_surface / dx) as usize).clamp(1, layout.extent - column);
+        let stride = ((to_surface / dx) as usize).clamp(1, layout.columns() - column);
         if distance < outer {
             near[column..column + stride].fill(true);
         }

@@ -6,9 +6,9 @@ use super::shape::{Shape, farthest_corner};
 use crate::error::MpmError;
 use crate::linalg::Vector;
 
-/// A face counts as on a wall up to this distance from it [m].
+/// A face counts as on a wall up to this distance from it [lengths of the world].
 const ON_WALL: f32 = 1.0e-6;
-/// Longer than the world [m].
+/// More than the world [lengths of it].
 const FAR: f32 = 2.0;
 
 /// A solid: its shape, contact and motion.
@@ -53,17 +53,19 @@ impl<const D: usize> Obstacle<D> {
 
     /// Returns the solid extended through the walls that it ends on: a box at rest whose face lies on a wall has no face
     /// there. Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
-    pub(super) fn through(self, walls: &Walls<D>) -> Self {
+    /// `length` is that of the world [m].
+    pub(super) fn through(self, walls: &Walls<D>, length: f32) -> Self {
+        let (on_wall, far) = (ON_WALL * length, FAR * length);
         match (self.shape, self.motion) {
             (Shape::Box { lower, upper }, None) => Self {
                 shape: Shape::Box {
                     lower: Vector::from_fn(|axis, _| {
-                        let reaches = lower[axis] <= walls.lower[axis] + ON_WALL;
-                        lower[axis] - if reaches { FAR } else { 0.0 }
+                        let reaches = lower[axis] <= walls.lower[axis] + on_wall;
+                        lower[axis] - if reaches { far } else { 0.0 }
                     }),
                     upper: Vector::from_fn(|axis, _| {
-                        let reaches = upper[axis] >= walls.upper[axis] - ON_WALL;
-                        upper[axis] + if reaches { FAR } else { 0.0 }
+                        let reaches = upper[axis] >= walls.upper[axis] - on_wall;
+                        upper[axis] + if reaches { far } else { 0.0 }
                     }),
                 },
                 ..self
@@ -90,13 +92,12 @@ impl<const D: usize> Obstacle<D> {
         (distance, pose.turn(&normal))
     }
 
-    /// Bound on the speed of those points of the solid that can touch material [m/s].
-    pub(super) fn speed(&self, pose: &Pose<D>) -> f32 {
+    /// Bound on the speed of those points of the solid that can touch material [m/s], in a world up to this corner.
+    pub(super) fn speed(&self, pose: &Pose<D>, corner: &Vector<D>) -> f32 {
         let Some(motion) = self.motion else {
             return 0.0;
         };
-        let everywhere =
-            farthest_corner(&Vector::zeros(), &Vector::from_element(1.0), &pose.center());
+        let everywhere = farthest_corner(&Vector::zeros(), corner, &pose.center());
         motion.speed(self.shape.reach(&motion.center()).min(everywhere))
     }
 

@@ -42,7 +42,9 @@ impl<const D: usize> Obstacles<D> {
     pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
         let list = list.into_iter();
         let mut prepared = Self {
-            list: list.map(|obstacle| obstacle.through(walls)).collect(),
+            list: list
+                .map(|obstacle| obstacle.through(walls, layout.upper().max()))
+                .collect(),
             walls: *walls,
             layout: *layout,
             solid: ByRow::EMPTY,
@@ -87,16 +89,18 @@ impl<const D: usize> Obstacles<D> {
             let reach = stencil_reach(&layout);
             let nodes = |axis: usize| {
                 // Solids may reach to infinity.
-                let cells = |x: f32| x.clamp(-1.0, 2.0) * layout.resolution as f32 + PADDING as f32;
+                let farthest = layout.upper()[axis] + 1.0;
+                let resolution = layout.resolution as f32;
+                let cells = |x: f32| x.clamp(-1.0, farthest) * resolution + PADDING as f32;
                 let (lo, hi) = (cells(lower[axis] - reach), cells(upper[axis] + reach));
                 // Conversion saturates at zero.
-                let node = |cell: f32| (cell as usize).min(layout.extent);
+                let node = |cell: f32| (cell as usize).min(layout.extents[axis]);
                 node(lo.floor())..node(hi.ceil() + 1.0)
             };
             let rows = if D == 3 { nodes(1) } else { 0..1 };
             for row in nodes(0).flat_map(|plane| rows.clone().map(move |row| (plane, row))) {
                 let row = row.0 * rows_per_plane + row.1;
-                let near = &mut self.near[row * layout.row_length..][..layout.extent];
+                let near = &mut self.near[row * layout.row_length..][..layout.columns()];
                 let mut node = layout.row_coordinates(row);
                 let found = |column: usize, distance: f32, normal: Vector<D>| {
                     node[D - 1] = column;

@@ -139,7 +139,7 @@ impl WallContact {
                 let spans = active.all().iter().filter(reached);
                 lines.extend(spans.map(middle));
             } else {
-                for plane in 0..layout.extent {
+                for plane in 0..layout.planes() {
                     let row = plane * layout.rows_per_plane() + side.middle;
                     let spans = active.of_planes(plane..plane + 1);
                     let first = spans.partition_point(|span| span.row < row);
@@ -174,7 +174,7 @@ impl WallContact {
                 (chunk % (layout.row_length / CHUNK), 1, of_line)
             } else {
                 let stride = layout.stride(side.axis) / CHUNK;
-                let at = chunk / stride % layout.extent;
+                let at = chunk / stride % layout.extents[side.axis];
                 (at, stride, side.middle - 1..=side.middle + 1)
             };
             if of_line.contains(&at) {
@@ -573,7 +573,7 @@ mod tests {
 
     #[test]
     fn nodes_are_found_from_their_memory_indices() {
-        let layout = Layout::<3>::new(17);
+        let layout = Layout::<3>::new(17, [17, 9, 30]);
         let places = Places::new(&layout);
         for node in 0..layout.row_count() * layout.row_length {
             let mut place = layout.row_coordinates(node / layout.row_length);

@@ -16,7 +16,7 @@ impl<const D: usize> WallFill<D> {
         let cells = |x: f32| f64::from(x) * layout.resolution as f64 + PADDING as f64;
         let nodes = std::array::from_fn(|axis| {
             let (lower, upper) = (cells(walls.lower[axis]), cells(walls.upper[axis]));
-            (0..layout.extent)
+            (0..layout.extents[axis])
                 .map(|i| (cumulative(upper - i as f64) - cumulative(lower - i as f64)) as f32)
                 .collect()
         });
@@ -93,7 +93,7 @@ mod tests {
         };
         let (lower, upper) = (Vector::from_element(0.1), Vector::from_element(0.9));
         let walls = Walls::uniform(lower, upper, contact);
-        let layout = Layout::<2>::new(64);
+        let layout = Layout::<2>::unit(64);
         let fill = WallFill::new(&walls, &layout);
         let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout)).0[0];
         assert!((at(0.5, 0.5) - 1.0).abs() < 1e-6);

@@ -16,7 +16,7 @@ impl ActiveSpans {
     pub fn none<const D: usize>(layout: &Layout<D>) -> Self {
         Self {
             spans: Vec::new(),
-            starts: vec![0; layout.extent + 1],
+            starts: vec![0; layout.planes() + 1],
         }
     }
 
@@ -82,7 +82,7 @@ impl Reach {
         let words_per_plane = layout.rows_per_plane().div_ceil(64);
         Self {
             nodes: vec![0; layout.row_count() * words_per_row],
-            rows: vec![0; layout.extent * words_per_plane],
+            rows: vec![0; layout.planes() * words_per_plane],
             words_per_row,
             words_per_plane,
             rows_per_plane: layout.rows_per_plane(),

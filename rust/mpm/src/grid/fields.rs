@@ -101,7 +101,7 @@ impl<const D: usize> Fields<D> {
             near: vec![false; chunks],
             held: Vec::new(),
             slots: Vec::new(),
-            starts: vec![0; layout.extent + 1],
+            starts: vec![0; layout.planes() + 1],
             nodes: Vec::new(),
             slopes: Vec::new(),
             friction_mass: Vec::new(),
@@ -231,7 +231,7 @@ impl<const D: usize> Fields<D> {
         self.slots.sort_unstable();
         self.slots.dedup();
         let chunks_per_plane = self.layout.nodes_per_plane() / CHUNK;
-        for plane in 0..=self.layout.extent {
+        for plane in 0..=self.layout.planes() {
             let first = (plane * chunks_per_plane) as u32;
             self.starts[plane] = self.slots.partition_point(|slot| slot.chunk < first);
         }

@@ -2,7 +2,7 @@
 
 use crate::linalg::Vector;
 
-/// Nodes outside [0, 1] on each side. A particle may be one cell past a wall that lies on the box,
+/// Nodes outside of the world on each side. A particle may be one cell past a wall that lies on the box,
 /// and between two sorts it may move one cell further; its stencil reaches one node beyond.
 pub const PADDING: usize = 4;
 /// Nodes that are swept together; spans consist of them.
@@ -15,22 +15,45 @@ pub const MARGIN: usize = 1;
 /// a *plane* all rows that share the first coordinate.
 #[derive(Debug, Clone, Copy)]
 pub struct Layout<const D: usize> {
-    /// Cells along each axis of [0, 1].
+    /// Cells per metre.
     pub resolution: usize,
     /// Nodes along each axis, padding included.
-    pub extent: usize,
+    pub extents: [usize; D],
     /// Nodes that a row takes in memory: whole chunks.
     pub row_length: usize,
 }
 
 impl<const D: usize> Layout<D> {
-    pub fn new(resolution: usize) -> Self {
-        let extent = resolution + 1 + 2 * PADDING;
+    /// For a world of `cells` along each axis, from the origin on.
+    pub fn new(resolution: usize, cells: [usize; D]) -> Self {
+        let extents = cells.map(|cells| cells + 1 + 2 * PADDING);
         Self {
             resolution,
-            extent,
-            row_length: extent.next_multiple_of(CHUNK),
+            extents,
+            row_length: extents[D - 1].next_multiple_of(CHUNK),
         }
+    }
+
+    /// For the world [0, 1]^D.
+    #[cfg(test)]
+    pub fn unit(resolution: usize) -> Self {
+        Self::new(resolution, [resolution; D])
+    }
+
+    /// The corner of the world with the largest coordinates [m].
+    pub fn upper(&self) -> Vector<D> {
+        let metres = |cells: usize| (cells as f64 / self.resolution as f64) as f32;
+        Vector::from_fn(|axis, _| metres(self.extents[axis] - 1 - 2 * PADDING))
+    }
+
+    /// Nodes along the first axis.
+    pub fn planes(&self) -> usize {
+        self.extents[0]
+    }
+
+    /// Nodes along the last axis.
+    pub fn columns(&self) -> usize {
+        self.extents[D - 1]
     }
 
     /// Cell size [m].
@@ -44,11 +67,11 @@ impl<const D: usize> Layout<D> {
     }
 
     pub fn row_count(&self) -> usize {
-        self.extent.pow(D as u32 - 1)
+        self.extents[..D - 1].iter().product()
     }
 
     pub fn rows_per_plane(&self) -> usize {
-        self.extent.pow(D as u32 - 2)
+        self.extents[1..D - 1].iter().product()
     }
 
     pub fn nodes_per_plane(&self) -> usize {
@@ -59,9 +82,8 @@ impl<const D: usize> Layout<D> {
     #[inline(always)]
     #[cfg(test)]
     pub fn row(&self, node: [usize; D]) -> usize {
-        node[..D - 1]
-            .iter()
-            .fold(0, |row, &coordinate| row * self.extent + coordinate)
+        let axes = node[..D - 1].iter().zip(&self.extents);
+        axes.fold(0, |row, (&coordinate, &extent)| row * extent + coordinate)
     }
 
     /// Coordinates of a row, the last axis left at 0.
@@ -69,8 +91,8 @@ impl<const D: usize> Layout<D> {
         let mut node = [0; D];
         let mut rest = row;
         for axis in (0..D - 1).rev() {
-            node[axis] = rest % self.extent;
-            rest /= self.extent;
+            node[axis] = rest % self.extents[axis];
+            rest /= self.extents[axis];
         }
         node
     }
@@ -79,7 +101,7 @@ impl<const D: usize> Layout<D> {
     pub fn stride(&self, axis: usize) -> usize {
         match D - 1 - axis {
             0 => 1,
-            rows => self.extent.pow(rows as u32 - 1) * self.row_length,
+            _ => self.extents[axis + 1..D - 1].iter().product::<usize>() * self.row_length,
         }
     }
 
@@ -88,7 +110,7 @@ impl<const D: usize> Layout<D> {
     pub fn stencil_row(&self, step: [usize; 2]) -> usize {
         match D {
             2 => step[0] * self.row_length,
-            _ => (step[0] * self.extent + step[1]) * self.row_length,
+            _ => (step[0] * self.extents[1] + step[1]) * self.row_length,
         }
     }
 }
@@ -135,7 +157,14 @@ mod tests {
 
     #[test]
     fn rows_and_coordinates_agree() {
-        let layout = Layout::<3>::new(16);
+        let layout = Layout::<3>::new(16, [16, 21, 9]);
         assert_eq!(layout.row_coordinates(layout.row([5, 11, 3])), [5, 11, 0]);
+        let memory = |node| layout.row(node) * layout.row_length + node[2];
+        for axis in 0..3 {
+            let mut next = [5, 11, 3];
+            next[axis] += 1;
+            assert_eq!(memory(next) - memory([5, 11, 3]), layout.stride(axis));
+        }
+        assert_eq!(layout.upper(), Vector::<3>::new(1.0, 1.3125, 0.5625));
     }
 }

@@ -35,12 +35,11 @@ pub struct Grid<const D: usize> {
 
 impl<const D: usize> Grid<D> {
     /// With a single field.
-    pub fn new(resolution: usize, mixed_friction: bool) -> Self {
+    pub fn new(layout: Layout<D>, mixed_friction: bool) -> Self {
         let sums = FieldSums {
             friction: mixed_friction,
             volume: false,
         };
-        let layout = Layout::new(resolution);
         let count = layout.row_count() * layout.row_length;
         Self {
             layout,
@@ -118,7 +117,7 @@ impl<const D: usize> Grid<D> {
         let mut cut = 0;
         let mut windows = Vec::new();
         for planes in planes {
-            let planes = planes.start..planes.end.min(layout.extent);
+            let planes = planes.start..planes.end.min(layout.planes());
             let first = planes.start * layout.nodes_per_plane();
             let end = planes.end * layout.nodes_per_plane();
             let mine = cut_out(nodes, first - cut, end - cut);
@@ -173,9 +172,9 @@ mod tests {
     /// Activates the nodes around stencils with these lowest nodes, in bands of three planes.
     fn activate<const D: usize>(grid: &mut Grid<D>, bases: &[[usize; D]]) {
         let layout = grid.layout;
-        let ends = (0..layout.extent).step_by(3);
+        let ends = (0..layout.planes()).step_by(3);
         let bands: Vec<_> = ends
-            .map(|plane| plane..layout.extent.min(plane + 3))
+            .map(|plane| plane..layout.planes().min(plane + 3))
             .collect();
         let places = |planes: Range<usize>| {
             let mine = bases.iter().filter(move |base| planes.contains(&base[0]));
@@ -190,7 +189,7 @@ mod tests {
 
     #[test]
     fn active_spans_cover_every_stencil_within_the_margin() {
-        let mut grid = Grid::<3>::new(16, false);
+        let mut grid = Grid::<3>::new(Layout::unit(16), false);
         let bases = [[6, 7, 8], [6, 7, 18], [9, 7, 8], [12, 12, 5]];
         for _ in 0..2 {
             activate(&mut grid, &bases);
@@ -217,7 +216,7 @@ mod tests {
 
     #[test]
     fn nodes_that_are_no_longer_active_are_empty() {
-        let mut grid = Grid::<2>::new(16, true);
+        let mut grid = Grid::<2>::new(Layout::unit(16), true);
         activate(&mut grid, &[[6, 6], [9, 12]]);
         for span in grid.active.all().to_vec() {
             let start = span.row * grid.layout.row_length;

@@ -52,7 +52,7 @@ impl<const D: usize> Stencils<D> {
             let length = if axis == D - 1 {
                 layout.row_length
             } else {
-                layout.extent
+                layout.extents[axis]
             } as u32;
             for i in 0..LANES {
                 let (base, offset) = lowest_node(x[axis][i] * resolution + PADDING as f32);

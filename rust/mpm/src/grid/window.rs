@@ -121,7 +121,7 @@ impl<const D: usize> SharedGrid<'_, D> {
 
     /// The planes that exist, the memory index of their first node, and the number of their nodes.
     fn nodes_of(&self, planes: Range<usize>) -> (Range<usize>, usize, usize) {
-        let end = planes.end.min(self.layout.extent);
+        let end = planes.end.min(self.layout.planes());
         let planes = planes.start.min(end)..end;
         let in_plane = self.layout.nodes_per_plane();
         (

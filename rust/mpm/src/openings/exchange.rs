@@ -46,7 +46,7 @@ pub(crate) struct FrameEnd<'a, const D: usize> {
     pub frame: u64,
     /// Length of a frame [s].
     pub frame_dt: f32,
-    /// Cells along each axis of the box.
+    /// Cells per metre.
     pub resolution: usize,
     pub obstacles: &'a Obstacles<D>,
 }

@@ -44,11 +44,11 @@ impl Places {
         });
         self.in_order = self.found.is_sorted_by_key(|located| located.place);
         self.starts.clear();
-        self.starts.resize(layout.extent + 1, 0);
+        self.starts.resize(layout.planes() + 1, 0);
         for located in &self.found {
             self.starts[located.place.plane as usize + 1] += 1;
         }
-        for plane in 0..layout.extent {
+        for plane in 0..layout.planes() {
             self.starts[plane + 1] += self.starts[plane];
         }
         self.located.resize(self.found.len(), Located::default());
@@ -58,7 +58,7 @@ impl Places {
             self.located[*start as usize] = *located;
             *start += 1;
         }
-        self.starts.copy_within(..layout.extent, 1);
+        self.starts.copy_within(..layout.planes(), 1);
         self.starts[0] = 0;
     }
 

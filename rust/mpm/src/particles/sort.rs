@@ -51,7 +51,7 @@ impl Sorter {
             let of_plane = |part: &Places| part.of_planes(plane..plane + 1).len();
             self.parts.iter().map(of_plane).sum()
         };
-        let slabs = cut(&(0..layout.extent).map(count).collect::<Vec<_>>(), walls);
+        let slabs = cut(&(0..layout.planes()).map(count).collect::<Vec<_>>(), walls);
         self.orders.resize_with(slabs.len(), Order::default);
         let mut start = 0;
         let mut ends = self.ends.iter().copied();
@@ -222,7 +222,7 @@ impl Order {
         let first = self.numbers.len();
         self.numbers.resize(first + count, 0);
         let numbers = &mut self.numbers[first..];
-        let next = starts(&mut self.next, layout.extent, located().map(column));
+        let next = starts(&mut self.next, layout.columns(), located().map(column));
         if D == 2 {
             located().for_each(|one| numbers[take(next, column(one))] = one.number);
             return;

@@ -13,7 +13,7 @@ const BORDER: isize = 2;
 /// Activity in each tile of the box.
 pub struct Tiles<const D: usize> {
     /// Along each axis.
-    extent: usize,
+    extents: [usize; D],
     activity: Vec<Activity>,
     /// Tiles with something that moves.
     stirred: Vec<[usize; D]>,
@@ -21,17 +21,19 @@ pub struct Tiles<const D: usize> {
 
 impl<const D: usize> Tiles<D> {
     pub fn new(layout: &Layout<D>) -> Self {
-        let extent = (layout.extent >> TILE_SHIFT) + 1;
+        let extents = layout.extents.map(|extent| (extent >> TILE_SHIFT) + 1);
         Self {
-            extent,
-            activity: vec![Activity::Asleep; extent.pow(D as u32)],
+            extents,
+            activity: vec![Activity::Asleep; extents.iter().product()],
             stirred: Vec::new(),
         }
     }
 
     fn index(&self, tile: [usize; D]) -> usize {
-        tile.iter()
-            .fold(0, |index, &coordinate| index * self.extent + coordinate)
+        let axes = tile.iter().zip(&self.extents);
+        axes.fold(0, |index, (&coordinate, &extent)| {
+            index * extent + coordinate
+        })
     }
 
     pub fn activity(&self, base: [u32; D]) -> Activity {
@@ -49,8 +51,8 @@ impl<const D: usize> Tiles<D> {
         let base = Stencils::at(&block.x, layout).base;
         let restless = (0..block.count).filter(|&lane| block.calm[lane] < calm_frames);
         for lane in restless {
-            let last = (self.extent - 1) as isize;
             let ranges: [(usize, usize); D] = std::array::from_fn(|axis| {
+                let last = (self.extents[axis] - 1) as isize;
                 let cells = (block.v[axis][lane] * horizon / layout.dx()) as isize;
                 let (now, then) = (base[axis][lane] as isize, base[axis][lane] as isize + cells);
                 let tile = |cell: isize| (cell >> TILE_SHIFT).clamp(0, last) as usize;
@@ -70,9 +72,10 @@ impl<const D: usize> Tiles<D> {
     pub fn spread(&mut self) {
         for (reach, activity) in [(1, Activity::Awake), (1 + BORDER, Activity::Border)] {
             for stirred in 0..self.stirred.len() {
-                let ranges = self.stirred[stirred].map(|coordinate| {
-                    let last = self.extent as isize - 1;
-                    let at = |step: isize| (coordinate as isize + step).clamp(0, last) as usize;
+                let tile = self.stirred[stirred];
+                let ranges = std::array::from_fn(|axis| {
+                    let last = self.extents[axis] as isize - 1;
+                    let at = |step: isize| (tile[axis] as isize + step).clamp(0, last) as usize;
                     (at(-reach), at(reach))
                 });
                 for_each_tile(ranges, |tile| {

@@ -6,7 +6,7 @@ use super::cancel::CancelFlag;
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, Reactions, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
-use crate::grid::{FieldSums, Fields, Grid};
+use crate::grid::{FieldSums, Fields, Grid, Layout};
 use crate::initial::{Particles, group};
 use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
@@ -64,7 +64,7 @@ impl<const D: usize> Solver<D> {
         let frictions = || settings.materials.iter().map(|m| m.wall_friction);
         let uniform =
             frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
-        let mut grid = Grid::new(settings.resolution, !uniform);
+        let mut grid = Grid::new(Layout::new(settings.resolution, settings.cells), !uniform);
         let densities: Vec<_> = settings.materials.iter().map(|m| m.density).collect();
         let cell = dx.powi(D as i32);
         let meeting = Meeting::new(&groups, &densities, cell, settings.contact_friction);
@@ -291,7 +291,7 @@ impl<const D: usize> Solver<D> {
             &self.walls.planes(),
             &self.team,
         );
-        let bands = bands(&self.slabs, self.grid.layout.extent);
+        let bands = bands(&self.slabs, self.grid.layout.planes());
         let places = |planes| self.sorter.places(planes);
         self.grid.activate(&bands, places, &self.team);
         self.find_meetings();

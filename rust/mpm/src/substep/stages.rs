@@ -98,7 +98,7 @@ impl<const D: usize> Substep<'_, D> {
         reactions: &mut [Reactions<D>],
         team: &Team,
     ) -> Outcome {
-        let bands = bands(slabs, grid.layout.extent);
+        let bands = bands(slabs, grid.layout.planes());
         let meet = grid.fields.meet() && stages.contains(&Stage::Slopes);
         let across = self.forces.obstacles.act_across();
         let stages = stages.iter().filter(|stage| match stage {

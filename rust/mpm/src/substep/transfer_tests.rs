@@ -117,7 +117,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         friction: None,
     };
     let walls = Walls::uniform(Vector::zeros(), Vector::from_element(1.0), contact);
-    let mut grid = Grid::<D>::new(RESOLUTION, false);
+    let mut grid = Grid::<D>::new(Layout::unit(RESOLUTION), false);
     let layout = grid.layout;
     let water = Water {
         bulk_modulus: 1.0e5,
@@ -129,7 +129,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     let team = Team::new(1).unwrap();
     let mut sorter = Sorter::default();
     let slabs = sorter.sort(&mut groups, &layout, &[], &team);
-    let bands = bands(&slabs, layout.extent);
+    let bands = bands(&slabs, layout.planes());
     grid.activate(&bands, |planes| sorter.places(planes), &team);
     let obstacles = Obstacles::new(Vec::new(), &walls, &layout);
     let substep = Substep {

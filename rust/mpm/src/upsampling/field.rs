@@ -47,8 +47,7 @@ impl DirtyChunks {
 }
 
 impl<const D: usize> Field<D> {
-    pub fn new(resolution: usize) -> Self {
-        let layout = Layout::new(resolution);
+    pub fn new(layout: Layout<D>) -> Self {
         let count = layout.row_count() * layout.row_length;
         Self {
             layout,
@@ -119,7 +118,7 @@ impl<const D: usize> Kernel for Scatter<'_, D> {
                 let length = if axis == D - 1 {
                     self.layout.row_length
                 } else {
-                    self.layout.extent
+                    self.layout.extents[axis]
                 };
                 start = start * length + stencil.base[axis];
                 let offset = xi[axis] - stencil.base[axis] as f32;

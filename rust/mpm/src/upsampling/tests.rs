@@ -91,7 +91,7 @@ fn particles_away_from_coarse_ones_fly_freely() {
 }
 
 fn relaxed<const D: usize>(particles: &[Shown<D>], threads: usize) -> Vec<Shown<D>> {
-    let layout = Layout::<D>::new(RESOLUTION);
+    let layout = Layout::<D>::unit(RESOLUTION);
     let walls = walls();
     let none = Obstacles::new(Vec::new(), &walls, &layout);
     let team = Team::new(threads).unwrap();
@@ -134,7 +134,7 @@ fn dense_particles_separate_and_loose_ones_stay() {
 fn only_dense_matter_needs_another_pass() {
     // Rest is four particles a cell; tested are three times, one and a half times and once that.
     for (per_cell, again) in [(12, true), (6, true), (4, false)] {
-        let layout = Layout::<2>::new(RESOLUTION);
+        let layout = Layout::<2>::unit(RESOLUTION);
         let (walls, team) = (walls(), Team::new(1).unwrap());
         let none = Obstacles::new(Vec::new(), &walls, &layout);
         let mut relaxation = Relaxation::new(layout, 2.0, &walls, &none, 1);

@@ -17,7 +17,7 @@ use crate::grid::Layout;
 use crate::initial::{Particles, check_particles};
 use crate::linalg::{LANES, Vector};
 use crate::openings::{EmitterStatus, Openings, Population};
-use crate::settings::SolverSettings;
+use crate::settings::{SolverSettings, check_grid};
 use threads::{Team, interrupted, is_watched};
 
 /// Frames from one update to the next in a scene without emitters and sinks.
@@ -86,27 +86,22 @@ pub struct Upsampler<const D: usize> {
 impl<const D: usize> Upsampler<D> {
     /// All particles of a scene at frame 0.
     ///
-    /// `settings` are those of the scene, with its own emitters; `coarse_resolution` is that of the coarse grid [cells/m].
+    /// `settings` are those of the scene, with its own emitters; `coarse_grid` has the cells per metre of the coarse grid, and
+    /// its cells along each axis.
     pub fn new(
         settings: &SolverSettings<D>,
-        coarse_resolution: usize,
+        coarse_grid: (usize, [usize; D]),
         constants: UpsamplingConstants,
         particles: Particles<'_>,
         coarse: &CoarseParticles<'_>,
     ) -> Result<Self, MpmError> {
         settings.check()?;
         constants.check()?;
-        if !(8..=1024).contains(&coarse_resolution) {
-            let allowed = "in [8, 1024]";
-            return Err(MpmError::parameter(
-                "coarse_resolution",
-                allowed,
-                coarse_resolution,
-            ));
-        }
+        check_grid(coarse_grid.0, coarse_grid.1)?;
         check_particles(settings, particles)?;
         coarse.check::<D>()?;
-        let layout = Layout::new(settings.resolution);
+        let layout = Layout::new(settings.resolution, settings.cells);
+        let coarse_layout = Layout::new(coarse_grid.0, coarse_grid.1);
         let cell = layout.dx().powi(D as i32);
         let all: Vec<_> = (0..particles.mass.len())
             .map(|i| Shown {
@@ -131,8 +126,8 @@ impl<const D: usize> Upsampler<D> {
                 layout,
                 frictions: settings.materials.iter().map(|m| m.wall_friction).collect(),
             },
-            field: Field::new(coarse_resolution),
-            drift: DriftCorrection::new(Layout::new(coarse_resolution), team.size()),
+            field: Field::new(coarse_layout),
+            drift: DriftCorrection::new(coarse_layout, team.size()),
             relaxation: Relaxation::new(layout, constants.relaxation, walls, &resting, team.size()),
             team,
             state: UpsamplerState {

@@ -51,7 +51,7 @@ impl<const D: usize> Pass<'_, D> {
         grid: &mut Grid<D>,
         team: &Team,
     ) {
-        let bands = bands(slabs, grid.layout.extent);
+        let bands = bands(slabs, grid.layout.planes());
         let grid = grid.shared();
         let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
@@ -112,7 +112,7 @@ impl<const D: usize> Pass<'_, D> {
             for place in chunk * CHUNK..(chunk + 1) * CHUNK {
                 let index = window.first + place;
                 let column = index % layout.row_length;
-                if column < layout.extent && self.obstacles.near(index) {
+                if column < layout.columns() && self.obstacles.near(index) {
                     let mut node = layout.row_coordinates(index / layout.row_length);
                     node[D - 1] = column;
                     let room = self.obstacles.fill(node) * self.room.fine.at_node(node);

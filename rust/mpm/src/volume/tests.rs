@@ -34,11 +34,11 @@ struct Scene<const D: usize> {
 
 impl<const D: usize> Scene<D> {
     fn new(particles: &[Particle<D, f32>]) -> Self {
-        let mut grid = Grid::new(RESOLUTION, false);
+        let mut grid = Grid::new(Layout::unit(RESOLUTION), false);
         let mut groups = vec![MaterialGroup::Water(Group::new(WATER, 0.0, particles))];
         let (team, mut sorter) = (Team::new(1).unwrap(), Sorter::default());
         let slabs = sorter.sort(&mut groups, &grid.layout, &[], &team);
-        let bands = bands(&slabs, grid.layout.extent);
+        let bands = bands(&slabs, grid.layout.planes());
         grid.activate(&bands, |planes| sorter.places(planes), &team);
         Self {
             groups,
@@ -49,7 +49,7 @@ impl<const D: usize> Scene<D> {
     }
 
     fn window(&mut self) -> Window<'_, D> {
-        let planes = 0..self.grid.layout.extent;
+        let planes = 0..self.grid.layout.planes();
         let windows = self.grid.windows(std::iter::once(planes));
         windows.into_iter().next().expect("one window")
     }
@@ -64,7 +64,7 @@ impl<const D: usize> Scene<D> {
     }
 
     fn smooth(&mut self) {
-        let planes = 1..self.grid.layout.extent - 1;
+        let planes = 1..self.grid.layout.planes() - 1;
         let mut window = self.window();
         smooth_planes(&mut window);
         smooth_across_planes(&mut window, planes);
@@ -199,7 +199,7 @@ fn check_sums<const D: usize>() {
     close(scene.sum(VOLUME), held, held);
     let before = scene.grid.nodes.clone();
     scene.grid.mark_dirty();
-    let planes = 0..scene.grid.layout.extent;
+    let planes = 0..scene.grid.layout.planes();
     empty(&mut scene.window(), planes, false);
     scene.spread(true, true);
     scene.smooth();
@@ -240,7 +240,7 @@ fn particles_of_one_pressure_make_that_pressure_on_all_nodes() {
 
 #[test]
 fn a_full_box_is_full_beside_its_walls_when_smoothed_too() {
-    let layout = Grid::<2>::new(RESOLUTION, false).layout;
+    let layout = Layout::<2>::unit(RESOLUTION);
     let rooms = Rooms::new(&walls(), &layout);
     let per_side = (0.8 / (0.5 * DX)) as usize;
     let place = |k: usize| 0.1 + 0.5 * DX * (k as f32 + 0.5);
@@ -260,7 +260,7 @@ fn a_full_box_is_full_beside_its_walls_when_smoothed_too() {
         node[1] = index % layout.row_length;
         node
     };
-    let within = |index: &usize| index % layout.row_length < layout.extent;
+    let within = |index: &usize| index % layout.row_length < layout.columns();
     for index in ranges.iter().cloned().flatten().filter(within) {
         let mut value = scene.grid.nodes[index].to_array();
         value[VOLUME] = rooms.fine.at_node(coordinates(index));

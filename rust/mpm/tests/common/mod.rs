@@ -32,6 +32,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
     let walls = Walls::uniform(lower, upper, contact);
     SolverSettings {
         resolution,
+        cells: [resolution; D],
         frame_dt: FRAME,
         gravity: Vector::from_fn(|axis, _| if axis == 1 { -GRAVITY } else { 0.0 }),
         walls,

@@ -1,7 +1,7 @@
 // The simulator: its choice, the badge on the picture, the card of the latest frames.
 
 import { byId, setText } from "./dom.js";
-import { drawStrips, latencyStrip, safeguardStrip, signed, Track, volumeStrip } from "./strips.js";
+import { drawStrips, forceStrip, latencyStrip, safeguardStrip, signed, Track, volumeStrip } from "./strips.js";
 
 const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
 const NAMES = { mpm: "MPM", neural: "Network" };
@@ -26,6 +26,7 @@ let models = [];
 let charted = { history: EMPTY, safeguard: null, frame: 0 }; // from the newest status
 let latencies = new Track();
 let volumes = new Track();
+let forces = new Track(); // sizes of the force on the chosen wall or obstacle
 
 // ---- the choice ----
 
@@ -105,6 +106,7 @@ function showSafeguard({ value, r_c: threshold, mpm_share: share }) {
 export function clearTracks() {
   latencies = new Track();
   volumes = new Track();
+  forces = new Track();
 }
 
 /**
@@ -118,6 +120,27 @@ export function trackFrame({ frame, solverMs }, volume) {
   if (volume !== null) volumes.add(frame, volume);
 }
 
+/**
+ * Note the forces of a status message, of which the chart shows the one that is chosen.
+ *
+ * @param means {solids, force} as the service answers them; null where there are none
+ */
+export function trackForces(frame, means) {
+  byId("solid-choice").hidden = means === null;
+  if (means === null) return;
+  const select = byId("solid");
+  if (select.options.length !== means.solids.length) {
+    select.replaceChildren(...means.solids.map((name) => new Option(name.replace("_", ", "), name)));
+    select.value = "y_lower";
+    forces = new Track();
+  }
+  forces.add(frame, Math.hypot(...means.force[select.selectedIndex]));
+}
+
+byId("solid").addEventListener("change", () => {
+  forces = new Track();
+});
+
 function showDecision(decision) {
   setText("decision-frame", `${NAMES[decision?.mode ?? "mpm"]}, since frame ${(decision?.frame ?? 0).toLocaleString("en")}`);
   setText("decision-reason", decision === undefined ? "the start" : (REASONS[decision.reason] ?? decision.reason));
@@ -126,6 +149,7 @@ function showDecision(decision) {
 function draw() {
   const { history, safeguard, frame } = charted;
   const strips = [latencyStrip(latencies), volumeStrip(volumes)];
+  if (forces.points.length > 0) strips.push(forceStrip(forces, byId("solid").selectedOptions[0]?.textContent ?? ""));
   if (safeguard !== null) strips.unshift(safeguardStrip(history, safeguard.r_c));
   const canvas = byId("strips");
   canvas.style.height = `${strips.length * 76 + 20}px`;

@@ -53,6 +53,12 @@ export function volumeStrip({ points, values }) {
   return { name: "Volume, relative to the first", low: 0, high, marks: [[high, String(high)], [1, "1"], [0, "0"]], threshold: null, points: parts };
 }
 
+/** The strip of the force on a wall or an obstacle [N]; in 2D per metre of depth. */
+export function forceStrip({ points, values }, solid) {
+  const high = roundUp(Math.max(1, ...values));
+  return { name: `Force on ${solid}, N`, low: 0, high, marks: [[high, high.toLocaleString("en")], [0, "0"]], threshold: null, points };
+}
+
 /**
  * The layout of the chart in CSS pixels. A pure function.
  *

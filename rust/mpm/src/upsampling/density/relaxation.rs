@@ -60,7 +60,7 @@ impl<const D: usize> Relaxation<D> {
         let mut weight = vec![0.0; count];
         for (row, weights) in weight.chunks_mut(layout.row_length).enumerate() {
             let mut node = layout.row_coordinates(row);
-            for (column, weight) in weights.iter_mut().enumerate().take(layout.extent) {
+            for (column, weight) in weights.iter_mut().enumerate().take(layout.columns()) {
                 node[D - 1] = column;
                 let taken = if resting.any() {
                     resting.fill(node)
