@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
@@ -82,7 +82,7 @@ def outside(part: BaseModel, size: tuple[float, ...]) -> Iterator[Fault]:
         if name in _LENGTHS and value > longest:
             yield (name,), f"must be in (0, {longest:g}] m, got {value:g}"
         elif name in _PLACES and isinstance(value, tuple):
-            points = {(name,): value}
+            points: dict[tuple[str | int, ...], Any] = {(name,): value}
             if value and isinstance(value[0], tuple):
                 points = {(name, index): point for index, point in enumerate(value)}
             for where, point in points.items():
