@@ -1,6 +1,6 @@
 """Measures of particles: energies, centre of mass, density, neighbours and penetration."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
