@@ -18,7 +18,8 @@ LIMITS = {
     # 80 lines choose learned plans in 3D, and train controlnet on data sets.
     # 160 lines read forces and torques of walls and obstacles.
     # 170 lines count the time that gaps take, and copy sketches that are followed.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 35_820),
+    # 190 lines are for worlds of any size.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_030),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -39,7 +40,8 @@ LIMITS = {
     # 140 lines are for learned plans in 3D, and for trainings on data sets that are ended.
     # 170 lines balance forces with momentum and closed forms.
     # 100 lines pass gaps of some cells, and copy sketches that are followed.
-    "tests": (("tests/**.py",), 30_050),
+    # 190 lines simulate worlds that are no cube of one metre.
+    "tests": (("tests/**.py",), 30_260),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
