@@ -9,7 +9,6 @@ from hybridmpm import Scene, SceneError
 from hybridmpm.checking import Finding
 from hybridmpm.mpm import frame_cost
 from hybridmpm.scene import Motion
-from hybridmpm.scene.world import cells_of
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
@@ -100,7 +99,7 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     most = settings.max_grid_nodes
     if grid_nodes(scene) > most:
         allowed = scene.resolution
-        while allowed > 1 and math.prod(cells + 1 for cells in cells_of(scene.size, allowed)) > most:
+        while allowed > 1 and math.prod(math.ceil(length * allowed) + 1 for length in scene.size) > most:
             allowed -= 1
         text = f"must be at most {allowed} in {scene.dim}D on this server, got {scene.resolution}"
         raise SceneError.of([("resolution", text)])
