@@ -19,7 +19,7 @@ LIMITS = {
     # 160 lines read forces and torques of walls and obstacles.
     # 170 lines count the time that gaps take, and copy sketches that are followed.
     # 190 lines are for worlds of any size.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_030),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_070),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -41,7 +41,7 @@ LIMITS = {
     # 170 lines balance forces with momentum and closed forms.
     # 100 lines pass gaps of some cells, and copy sketches that are followed.
     # 190 lines simulate worlds that are no cube of one metre.
-    "tests": (("tests/**.py",), 30_260),
+    "tests": (("tests/**.py",), 30_300),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
