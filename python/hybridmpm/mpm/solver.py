@@ -304,9 +304,7 @@ class MpmSolver(CoarseSimulator):
         The values are the shares of their particles in the largest piece [-]. Pieces are parted where no
         particles are nearer than 1.5 to 3 grid cells. A body that has lost less than 1 % counts as whole.
         """
-        elastic = [
-            index for index, body in enumerate(self._scene.bodies) if isinstance(body.material, Elastic)
-        ]
+        elastic = self._elastic_bodies()
         if not elastic:
             return {}
         # Emitters number their particles after those of the bodies.
@@ -323,6 +321,9 @@ class MpmSolver(CoarseSimulator):
             torn = {body: share for body, share in torn.items() if share < WHOLE * first[body]}
         return torn
 
+    def _elastic_bodies(self) -> list[int]:
+        return [i for i, body in enumerate(self._scene.bodies) if isinstance(body.material, Elastic)]
+
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
         period = self.frame // _TEARING_PERIOD
         shows_all = self._upsampler is not None
@@ -337,7 +338,9 @@ class MpmSolver(CoarseSimulator):
             # The core computes all frames in one call.
             self._solver.advance(frames, force.array, path)
         self._warn(stacklevel=4)
-        if self.frame // _TEARING_PERIOD != period and "torn" not in self._warned:
+        if self.frame // _TEARING_PERIOD != period and not self._warned.issuperset(
+            f"torn {body}" for body in self._elastic_bodies()
+        ):
             self._warn_of_tears(stacklevel=4)
 
     def _advance_coarse(self, force: npt.NDArray[np.float32] | None) -> None:
@@ -434,7 +437,7 @@ class MpmSolver(CoarseSimulator):
                 f"bodies[{body}] has come apart by frame {self.frame}: its largest piece has {share:.0%} of "
                 "it; make it stiffer, or lower the speeds"
             )
-            self._warn_once("torn", TornBodyWarning, text, stacklevel)
+            self._warn_once(f"torn {body}", TornBodyWarning, text, stacklevel)
 
     def _warn_once(self, key: str, category: type[Warning], text: str, stacklevel: int) -> None:
         if key not in self._warned:

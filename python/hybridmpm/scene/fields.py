@@ -153,18 +153,25 @@ def _is_consequence(fault: ErrorDetails, faulty: set[tuple[str | int, ...]]) -> 
     return fault["type"] == "default_factory_not_called"
 
 
+def _looks_other(given: object) -> str:
+    """Return a value that YAML makes of text, such as false of an unquoted no, with a hint; else nothing."""
+    if given is not None and not isinstance(given, bool | int | float | date):
+        return ""
+    names = {None: "null", True: "true", False: "false"}
+    shown = names[given] if given is None or isinstance(given, bool) else str(given)
+    return f"{shown}: text that looks so must stand in quotes"
+
+
 def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a kind of fault
     context, given = fault.get("ctx", {}), fault.get("input")
     if isinstance(given, dict) and len(given) == 1 and given.keys() <= RANGES:
         return f"is a range, {given}: data.SceneTemplate.load(file).draw(seed) draws a scene of it"
     match fault["type"]:
-        case "string_type" | "literal_error" if isinstance(
-            given, bool | int | float | date
-        ) and "'" in context.get("expected", "'"):
-            # YAML takes an unquoted no for false, and an unquoted day for a date.
-            shown = str(given).lower() if isinstance(given, bool) else given
+        case "string_type" | "literal_error" if "'" in context.get("expected", "'") and _looks_other(given):
             expected = f"one of {context['expected']}" if "expected" in context else "text"
-            return f"must be {expected}, got {shown}: text that looks so must stand in quotes"
+            return f"must be {expected}, got {_looks_other(given)}"
+        case "model_attributes_type" if _looks_other(given):
+            return f"must be a name or an object with named fields, got {_looks_other(given)}"
         case "extra_forbidden":
             return "unknown field"
         case "missing":
@@ -174,8 +181,9 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a 
         case "union_tag_not_found":
             return f"must name its {context['discriminator']}"
         case "union_tag_invalid":
-            expected, got = context["expected_tags"], context["tag"]
-            return f"{context['discriminator']} must be one of {expected}, got '{got}'"
+            expected, name = context["expected_tags"], context["discriminator"]
+            tag = given.get(name.strip("'")) if isinstance(given, dict) else None
+            return f"{name} must be one of {expected}, got {_looks_other(tag) or repr(context['tag'])}"
         case "invalid_key":
             return "keys must be text: keys such as on and no must stand in quotes"
         case "too_short":

@@ -67,6 +67,13 @@ def _int(loader: _Loader, node: yaml.ScalarNode) -> Any:
     return _unambiguous(loader.construct_yaml_int(node), node, is_octal=bool(_OCTAL.fullmatch(node.value)))
 
 
+def _str(loader: _Loader, node: yaml.ScalarNode) -> str:
+    if node.style is None and _OCTAL.fullmatch(node.value):
+        text = f"line {node.start_mark.line + 1}: {node.value} has a leading zero and is no octal number"
+        raise AmbiguousError(f"{text}: write it without leading zeros, or as text in quotes")
+    return str(loader.construct_yaml_str(node))
+
+
 def _float(loader: _Loader, node: yaml.ScalarNode) -> Any:
     return _unambiguous(loader.construct_yaml_float(node), node, is_octal=False)
 
@@ -84,3 +91,4 @@ def _unambiguous(number: float, node: yaml.ScalarNode, *, is_octal: bool) -> flo
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _int)
 _Loader.add_constructor("tag:yaml.org,2002:float", _float)
+_Loader.add_constructor("tag:yaml.org,2002:str", _str)

@@ -426,6 +426,7 @@ LIGHTS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
 @pytest.mark.parametrize("paper", [(235, 235, 235), (240, 225, 190), (250, 215, 160), (200, 215, 235)])
 @pytest.mark.parametrize("light", LIGHTS)
 def test_ink_on_photographed_paper(light: str, paper: tuple[int, int, int]) -> None:
+    """What lies beside a picture that is not square is lit as its edges are."""
     y, x = np.mgrid[0:512, 0:512] / 512
     bright = LIGHTS[light](x, y)[..., None]
 
@@ -436,6 +437,14 @@ def test_ink_on_photographed_paper(light: str, paper: tuple[int, int, int]) -> N
 
     check(photographed(drawn(INK, paper)))
     check(photographed(drawn((40, 40, 50), paper)))
+    for ink in (INK, (40, 40, 50), (30, 60, 160)):
+        wide = Image.fromarray(np.asarray(drawn(ink, paper))[40:424])
+        bright = bright[40:424] if len(bright) == 512 else bright
+        sketch = parse_png(photographed(wide))
+        assert isinstance(sketch, Arrow)
+        assert np.abs(sketch.points[0] - TAIL - np.array([0, -24 / 512])).max() < 0.02
+        assert np.abs(sketch.points[-1] - TIP - np.array([0, -24 / 512])).max() < 0.02
+    bright = LIGHTS[light](x, y)[..., None]
     oval = Image.new("RGB", (512, 512), paper)
     ImageDraw.Draw(oval).ellipse([150, 130, 380, 320], outline=(30, 150, 60), width=7)
     sketch = parse_png(photographed(oval))

@@ -52,7 +52,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ("walls", "sticky", "walls: Walls must be an object with named fields"),
         ("speed", 1, "speed: unknown field"),
         ("bodies", [], "bodies: must have 1 or more items, got 0; only a scene with emitters needs none"),
-        ("bodies.0", 5, "bodies[0]: Input should be a valid dictionary or object to extract fields from"),
+        ("bodies.0", 5, "bodies[0]: must be a name or an object with named fields, got 5"),
         ("bodies.0.shape", "cone", "bodies[0]: … 'box', 'ball', 'cylinder', 'polygon', got 'cone'"),
         ("bodies.0.color", "red", "bodies[0].color: unknown field"),
         ("bodies.0.velocity", [0, 51], "bodies[0].velocity[1]: must be in [-50, 50] m/s, got 51"),
@@ -209,6 +209,7 @@ YAML = {
     "in a material": TEXT.replace("material: water", "material: {kind: water, tension: 0, tension: 1}"),
     "with other quotes": TEXT + '"dim": 2\n',
     "an octal": TEXT.replace("64", "064"),
+    "an eight that is none": TEXT.replace("64", "08"),
     "an octal in a list": TEXT.replace("0.5, 0.5", "0.5, -01"),
     "base 60": TEXT.replace("64", "1:04"),
     "a fraction in base 60": TEXT.replace("0.1}", "1:04.5}"),
@@ -267,6 +268,9 @@ def test_a_byte_order_mark_is_skipped(name: str, tmp_path: Path) -> None:
         ("name: 7", "name: must be text, got 7"),
         ("walls: {lower: [0, 0], upper: [1, 1], contact: off}", "'separating', got false"),
         ("on: 1", "keys must be text"),
+        ("name: ~", "name: must be text, got null"),
+        ("sinks: [{shape: no}]", "sinks[0]: 'shape' must be one of 'box', 'ball', got false"),
+        ("emitters: [{shape: round, material: 2024-05-01}]", "emitters[0].material: must be a name or"),
     ],
 )
 def test_text_without_quotes_gets_a_hint(line: str, message: str) -> None:

@@ -20,6 +20,8 @@ MAX_SIDE = 4096
 """Largest side of a picture [pixels]."""
 _HALVED_ABOVE = 2048
 """Largest side that is worked on as a whole; larger pictures are halved first, band by band."""
+_MARGIN, _SPAN = 16, 56
+"""Depth and half of the length of a part of an edge whose median is the ground there [pixels]."""
 _BAND = 256
 """Rows of a band."""
 _MAX_SCANS = 40
@@ -156,11 +158,22 @@ def _on_ground(small: Image.Image) -> tuple[npt.NDArray[np.uint8], str | None]:
     height, width = flat.shape[:2]
     if height == width:
         return np.ascontiguousarray(flat, dtype=np.uint8), None
+    long = flat if width > height else flat.swapaxes(0, 1)
+    before = (RASTER_SIZE - len(long)) // 2
     square = np.empty((RASTER_SIZE, RASTER_SIZE, 3), dtype=np.uint8)
-    square[:] = np.median(flat, axis=(0, 1))
-    top, left = (RASTER_SIZE - height) // 2, (RASTER_SIZE - width) // 2
-    square[top : top + height, left : left + width] = flat
+    square[:before] = _ground(long[:_MARGIN])
+    square[before : before + len(long)] = long
+    square[before + len(long) :] = _ground(long[-_MARGIN:])
+    if height > width:
+        square = np.ascontiguousarray(square.swapaxes(0, 1))
     return square, (
         f"the picture is not square ({width} : {height}): its longer side spans the view, and it lies in the "
         "middle of the other"
     )
+
+
+def _ground(edge: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
+    """Return the ground (512, 3) along an edge (K, 512, 3) of a picture, lit as it is there."""
+    across = np.pad(np.median(edge, axis=0), ((_SPAN, _SPAN), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(across, 2 * _SPAN + 1, axis=0)
+    return np.asarray(np.median(windows, axis=-1), dtype=np.int16)
