@@ -28,8 +28,8 @@ class Estimate:
     """Mean error over 200 frames from the first impact on, by the chosen measure."""
     error_se: float | None
     """Its standard error over the scenes of the calibration."""
-    error_bound: float
-    """Error that nine of ten such scenes stay below."""
+    error_bound: float | None
+    """Error that nine of ten such scenes stay below; None where only one scene was measured."""
     ms_per_frame: float
     """Median time of a frame in mid-splash on one thread, all that is shown counted [ms]."""
 
@@ -108,7 +108,7 @@ def plan(
     scene : Scene
     max_error : float > 0, optional
         Error that the scene stays below with a probability of 90 %: largest `error_bound` by the measure.
-        Give it or `budget_ms`.
+        A method without a bound does not meet it. Give it or `budget_ms`.
     budget_ms : float > 0, optional
         Time budget: longest median time of a frame in mid-splash [ms].
     measure : str
@@ -146,8 +146,8 @@ def plan(
     found = list(_estimates(scene, matching, known, measure))
     if max_error is not None:
         # Those within the error by their time, then the others by their error.
-        found.sort(key=lambda one: (max(one[0].error_bound, max_error), one[0].ms_per_frame))
-        feasible = found[0][0].error_bound <= max_error
+        found.sort(key=lambda one: (max(_bound(one[0]), max_error), one[0].ms_per_frame))
+        feasible = _bound(found[0][0]) <= max_error
     else:
         limit = float(budget_ms or 0.0)
         found.sort(key=lambda one: (max(one[0].ms_per_frame, limit), one[0].error, one[0].ms_per_frame))
@@ -234,7 +234,7 @@ def _estimates(
 
 def _errors_of(
     name: str, matching: MatchingScenarios, known: Calibration, measure: str
-) -> tuple[float, float | None, float] | None:
+) -> tuple[float, float | None, float | None] | None:
     """Return mean, standard error and bound of a candidate's error, the worst of the scenarios matching."""
     entries: Sequence[MethodErrors] = [
         one for one in known.errors if one.name == name and one.scenario in matching.names
@@ -242,12 +242,18 @@ def _errors_of(
     found = []
     for one in (one for one in entries if measure in one.means):
         mean, spread = one.means[measure], one.standard_errors.get(measure)
-        deviation = (spread or 0.0) * math.sqrt(one.scenes)
+        # One scene shows nothing of how scenes differ.
+        deviation = math.inf if spread is None or one.scenes < 2 else spread * math.sqrt(one.scenes)
         found.append((mean, spread, mean + known.deviations[measure] * deviation))
     if not found or len(found) < len(matching.names):
         return None
     mean, spread, _ = max(found, key=lambda one: one[0])
-    return mean, spread, max(bound for *_, bound in found)
+    bound = max(bound for *_, bound in found)
+    return mean, spread, bound if math.isfinite(bound) else None
+
+
+def _bound(one: Estimate) -> float:
+    return math.inf if one.error_bound is None else one.error_bound
 
 
 def _below_floor(
@@ -264,9 +270,14 @@ def _below_floor(
 
 def _summary(best: Estimate, matching: MatchingScenarios, measure: str) -> str:
     where = " and ".join(matching.names)
+    bound = (
+        f"without a bound, for one {where} scene was measured"
+        if best.error_bound is None
+        else f"in nine of ten {where} scenes below {best.error_bound:.3g}"
+    )
     return (
-        f"{best.name}, expected error ({measure}) {best.error:.3g}, in nine of ten {where} scenes below "
-        f"{best.error_bound:.3g}, and {best.ms_per_frame:.3g} ms a frame"
+        f"{best.name}, expected error ({measure}) {best.error:.3g}, {bound}, and {best.ms_per_frame:.3g} ms "
+        "a frame"
     )
 
 
@@ -289,4 +300,5 @@ def _for_time(summary: str, runner_up: Estimate, budget_ms: float, *, feasible: 
 
 
 def _brief(one: Estimate) -> str:
-    return f"{one.name} with {one.error:.3g} (below {one.error_bound:.3g}) in {one.ms_per_frame:.3g} ms"
+    bound = "no bound" if one.error_bound is None else f"below {one.error_bound:.3g}"
+    return f"{one.name} with {one.error:.3g} ({bound}) in {one.ms_per_frame:.3g} ms"

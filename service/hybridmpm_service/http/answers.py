@@ -461,7 +461,7 @@ class EstimateBody(Answer):
     """Mean error by the measure."""
     error_se: float | None
     """Its standard error over the scenes of the calibration."""
-    error_bound: float = Field(examples=[0.58])
+    error_bound: float | None = Field(examples=[0.58])
     """Error that nine of ten such scenes stay below; `max_error` is compared with it."""
     ms_per_frame: float = Field(examples=[0.09])
     """Median time of a frame in mid-splash on one thread of the server [ms]."""

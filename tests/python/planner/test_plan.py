@@ -22,7 +22,7 @@ from hybridmpm import (
 from hybridmpm._native import SOLVER_VERSION
 from hybridmpm.cli import cli
 from hybridmpm.errors import ConfigError, DataError, SceneError
-from hybridmpm.planner import store
+from hybridmpm.planner import planning, store
 from hybridmpm.planner.calibration import MEASURES, MachineTimes
 from hybridmpm.planner.candidates import candidates, softened
 from hybridmpm.planner.cost import milliseconds, work
@@ -49,6 +49,23 @@ def test_the_cheapest_within_an_error_and_the_most_accurate_within_a_time() -> N
     assert found.runner_up.ms_per_frame >= found.ms_per_frame
     assert found.name in found.reason
     assert found.runner_up.name in found.reason
+
+
+def test_errors_of_one_scene_bound_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    known, origin = store.present(None)
+    alone = known.model_copy(
+        update={"errors": tuple(one.model_copy(update={"standard_errors": {}}) for one in known.errors)}
+    )
+    monkeypatch.setattr(planning, "present", lambda _: (alone, origin))
+    found = plan(scenarios.water_2d(SEED), max_error=5.0)
+    assert found.error_bound is None
+    assert not found.feasible
+    assert "no method keeps an error of 5" in found.reason
+    assert "without a bound, for one water_2d scene was measured" in found.reason
+    quick = plan(scenarios.water_2d(SEED), budget_ms=0.2)
+    assert quick.feasible
+    assert "(no bound)" in quick.reason
+    assert json.loads(json.dumps(quick.to_dict()))["error_bound"] is None
 
 
 @pytest.mark.parametrize("measure", MEASURES)
