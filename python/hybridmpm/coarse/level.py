@@ -175,5 +175,4 @@ def _emitted(scene: Scene, emitter: Emitter) -> float:
     """Return the volume [m^D] that an emitter adds within the scene's suggested length."""
     end = scene.frames * scene.frame_dt
     seconds = max(0.0, min(end, emitter.stop if emitter.stop is not None else end) - emitter.start)
-    area = len(emitter.sites(scene.spacing)) * scene.spacing ** (scene.dim - 1)
-    return float(area * emitter.speed * seconds)
+    return float(emitter.measure * emitter.speed * seconds)

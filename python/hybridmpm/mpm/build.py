@@ -117,9 +117,7 @@ def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r
             text = f"must open into free space, but obstacles[{number}] is in front of it"
             raise SceneError.of([(f"emitters[{index}]", text)])
     rng = np.random.default_rng(emitter.seed)
-    # Of the material that the scene's own layers bring while this one moves on by its thickness.
-    own_layer = len(emitter.sites(scene.spacing)) * scene.spacing**scene.dim
-    volume = own_layer * (spacing / scene.spacing) / len(sites)
+    volume = emitter.measure * spacing / len(sites)
     return _core.Emitter(
         material=material,
         velocity=emitter.velocity,

@@ -71,8 +71,13 @@ class _Emitter(Shaped):
         """Lower and upper corner of the opening's bounding box [m]."""
         raise NotImplementedError
 
+    @property
+    def measure(self) -> float:
+        """Length of the opening in 2D [m], area in 3D [m^2]."""
+        raise NotImplementedError
+
     def sites(self, spacing: float) -> Points:
-        """Return the points (n, D) of a layer [m]: as many as fit into the opening, `spacing` [m] apart."""
+        """Return the points (n, D) of a layer [m]: they fill the opening, about `spacing` [m] apart."""
         raise NotImplementedError
 
 
@@ -106,8 +111,13 @@ class RectangularEmitter(_Emitter):
         """Lower and upper corner of the opening [m]."""
         return np.array(self.lower), np.array(self.upper)
 
+    @property
+    def measure(self) -> float:
+        """Length of the opening in 2D [m], area in 3D [m^2]."""
+        return math.prod(b - a for a, b in zip(self.lower, self.upper, strict=True) if b > a)
+
     def sites(self, spacing: float) -> Points:
-        """Return the points (n, D) of a layer [m]: as many as fit into the opening, `spacing` [m] apart."""
+        """Return the points (n, D) of a layer [m]: they fill the opening, about `spacing` [m] apart."""
         middle, extent = (np.array(self.lower) + self.upper) / 2, np.subtract(self.upper, self.lower)
         offsets = [_offsets(length, spacing) for length in extent]
         return middle + np.stack(np.meshgrid(*offsets, indexing="ij"), axis=-1).reshape(-1, len(middle))
@@ -126,8 +136,13 @@ class RoundEmitter(_Emitter):
         reach = self.radius * np.sqrt(np.maximum(1.0 - self.direction**2, 0.0))
         return self.center - reach, self.center + reach
 
+    @property
+    def measure(self) -> float:
+        """Length of the opening in 2D [m], area in 3D [m^2]."""
+        return 2 * self.radius if len(self.center) == 2 else math.pi * self.radius**2
+
     def sites(self, spacing: float) -> Points:
-        """Return the points (n, D) of a layer [m]: as many as fit into the opening, `spacing` [m] apart."""
+        """Return the points (n, D) of a layer [m]: they fill the opening, about `spacing` [m] apart."""
         row = _offsets(2 * self.radius, spacing)
         across = _across(self.direction)
         offsets = np.stack(np.meshgrid(*[row] * len(across), indexing="ij"), axis=-1)
@@ -159,9 +174,9 @@ Sink = Annotated[BoxSink | BallSink, Field(discriminator="shape")]
 
 
 def _offsets(length: float, spacing: float) -> npt.NDArray[np.float64]:
-    """Return coordinates `spacing` apart, symmetric about 0: as many as fit into `length`, at least one."""
-    count = max(1, math.floor(length / spacing + 1e-6))
-    return np.asarray((np.arange(count) - (count - 1) / 2) * spacing, dtype=np.float64)
+    """Return coordinates that divide `length` evenly, about `spacing` apart and symmetric about 0."""
+    count = max(1, round(length / spacing))
+    return np.asarray((np.arange(count) - (count - 1) / 2) * (length / count), dtype=np.float64)
 
 
 def _across(direction: Points) -> Points:

@@ -1,17 +1,19 @@
 """From bodies to particles: one particle in each cell of a fine lattice, jittered.
 
-One lattice spans the whole world; its sites are `Scene.spacing` apart. A site belongs to the first body of
-the scene that contains it, so that overlapping bodies never have two particles in one place. Sites inside an
-obstacle stay empty.
+Each body has a lattice of its own, which fits its bounds: a whole number of sites along each axis, about
+`Scene.spacing` apart. A site belongs to the first body that contains it, and sites inside an obstacle stay
+empty. The particles of a body share its volume, less what earlier bodies and obstacles take of it. So a body
+has the mass of its shape wherever it lies.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _core
 from hybridmpm.errors import SceneError
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.fields import Points
@@ -20,9 +22,9 @@ from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.walls import Walls
 
 JITTER = 0.25
-"""Largest offset of a particle from its site along an axis [spacings].
+"""Largest offset of a particle from its site along an axis [distances of sites].
 
-So two particles are never closer than half a spacing.
+So two particles of a body are never closer than half that distance.
 """
 
 _CLEARANCE = 1e-3
@@ -30,6 +32,10 @@ _CLEARANCE = 1e-3
 
 _SITES_AT_ONCE = 100_000
 """Number of sites between two checks of `max_particles`, so that a scene that is too large fails early."""
+
+_PARTS = 4
+_FEWEST_PARTS = {2: 64, 3: 24}
+"""Parts of a site along each axis, and the fewest of a body, to measure what others leave of it."""
 
 
 class Fillable(Protocol):
@@ -81,7 +87,7 @@ class Particles:
     mass: npt.NDArray[np.float32]
     """Masses (N,) [kg]; in 2D those of a slice one metre deep."""
     volume: npt.NDArray[np.float32]
-    """Rest volumes spacing^D (N,) [m^D]."""
+    """Rest volumes (N,) [m^D], equal within a body."""
 
 
 def sample(scene: Fillable) -> Particles:
@@ -93,26 +99,26 @@ def sample(scene: Fillable) -> Particles:
         A body has room for no particle, or the bodies need more than `scene.max_particles`.
     """
     positions: list[npt.NDArray[np.float32]] = []
-    taken = np.empty(0, dtype=np.int64)
+    volumes: list[float] = []
     for index, body in enumerate(scene.bodies):
-        sites = _free_sites(scene, body, taken)
+        lattice = _Lattice.of(scene, index)
+        sites = _free_sites(scene, lattice, sum(map(len, positions)))
         if len(sites) == 0:
             text = (
-                "has room for no particle: it must hold a point of the lattice of spacing "
+                "has room for no particle: it must hold a point of its lattice of spacing "
                 f"{scene.spacing:.3g} m outside obstacles and earlier bodies"
             )
             raise SceneError.of([(f"bodies[{index}]", text)])
-        # Free sites are not among those taken, so that there is nothing to unite, which takes seconds.
-        taken = np.concatenate([taken, _keys(scene, sites)])
-        positions.append(_jittered(scene, body, sites))
-    return _particles(scene, positions)
+        positions.append(_jittered(lattice, sites, body.seed))
+        volumes.append(_free_volume(lattice, len(sites)) / len(sites))
+    return _particles(scene, positions, volumes)
 
 
-def _particles(scene: Fillable, positions: list[npt.NDArray[np.float32]]) -> Particles:
+def _particles(scene: Fillable, positions: list[npt.NDArray[np.float32]], volumes: list[float]) -> Particles:
     counts = [len(x) for x in positions]
     materials = scene.materials
     still = (0.0,) * scene.dim
-    volume = scene.spacing**scene.dim
+    masses = [body.material.density * volume for body, volume in zip(scene.bodies, volumes, strict=True)]
 
     def each(values: list[float] | list[int] | list[tuple[float, ...]], dtype: type) -> npt.NDArray[Any]:
         return np.repeat(np.array(values, dtype=dtype), counts, axis=0)
@@ -123,58 +129,124 @@ def _particles(scene: Fillable, positions: list[npt.NDArray[np.float32]]) -> Par
         material=each([materials.index(body.material) for body in scene.bodies], np.uint8),
         types=each([body.material.type_id for body in scene.bodies], np.uint8),
         body=each(list(range(len(counts))), np.int32),
-        mass=each([body.material.density * volume for body in scene.bodies], np.float32),
-        volume=np.full(sum(counts), volume, dtype=np.float32),
+        mass=each(masses, np.float32),
+        volume=each(volumes, np.float32),
     )
 
 
-def _free_sites(scene: Fillable, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the lattice indices (n, D) of the sites that are free for `body`.
+@dataclass(frozen=True)
+class _Lattice:
+    """Sites of a body, and what takes some of them."""
 
-    Parameters
-    ----------
-    scene, body
-        The scene and the body to fill.
-    taken : int64 (K,)
-        Keys of the sites that earlier bodies have.
+    body: Body
+    lower: Points
+    """Corner of the first site (D,) [m]."""
+    step: Points
+    """Distances of sites (D,) [m]."""
+    count: npt.NDArray[np.int64]
+    """Numbers of sites (D,)."""
+    walls: tuple[Points, Points]
+    """Corners (D,) [m] of the box that contains all particles."""
+    solids: list[_core.Obstacle]
+    """Obstacles that may reach into the body."""
+    earlier: list[Body]
+    """Bodies that come before it and may reach into it."""
+
+    @classmethod
+    def of(cls, scene: Fillable, index: int) -> Self:
+        """Return the lattice of the body with this index."""
+        body = scene.bodies[index]
+        lower, upper = body.bounds
+        count = np.maximum(1, np.rint((upper - lower) / scene.spacing)).astype(np.int64)
+        gap = _CLEARANCE * scene.spacing
+        solids = [obstacle.to_native() for obstacle in scene.obstacles]
+        middle, reach = _rounded((lower + upper)[None] / 2), np.linalg.norm(upper - lower) / 2 + gap
+        return cls(
+            body=body,
+            lower=lower,
+            step=(upper - lower) / count,
+            count=count,
+            walls=(np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap),
+            solids=[solid for solid in solids if solid.signed_distance(middle)[0] <= reach],
+            earlier=[
+                other
+                for other in scene.bodies[:index]
+                if (other.bounds[0] < upper).all() and (other.bounds[1] > lower).all()
+            ],
+        )
+
+    def blocks(self) -> Iterator[npt.NDArray[np.int64]]:
+        """Yield the indices (n, D) of all sites, in slabs that bound the memory used."""
+        slab = max(1, _SITES_AT_ONCE // int(np.prod(self.count[1:])))
+        for start in range(0, int(self.count[0]), slab):
+            axes = [np.arange(start, min(start + slab, int(self.count[0])))]
+            axes += [np.arange(count) for count in self.count[1:]]
+            yield np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+    def centers(self, sites: npt.NDArray[np.int64]) -> Points:
+        """Return the middles (n, D) of sites [m]."""
+        return self.lower + (sites + 0.5) * self.step
+
+    def free(self, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+        """Whether points (n, D) lie in the body and in nothing else; shape (n,)."""
+        exact = x.astype(np.float64)
+        free = self.body.contains(exact) & (x > self.walls[0]).all(axis=1) & (x < self.walls[1]).all(axis=1)
+        for other in self.earlier:
+            free &= ~other.contains(exact)
+        for solid in self.solids:
+            free &= solid.signed_distance(x) > 0
+        return np.asarray(free)
+
+    def may_be_cut(self, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """Whether an obstacle or an earlier body may take a part of sites (n, D); shape (n,)."""
+        x = self.centers(sites)
+        cut = np.zeros(len(x), dtype=bool)
+        for solid in self.solids:
+            cut |= solid.signed_distance(_rounded(x)) < 0.51 * np.linalg.norm(self.step)
+        for other in self.earlier:
+            lower, upper = other.bounds
+            cut |= ((x > lower - self.step) & (x < upper + self.step)).all(axis=1)
+        return cut
+
+
+def _free_sites(scene: Fillable, lattice: _Lattice, needed: int) -> npt.NDArray[np.int64]:
+    """Return the indices (n, D) of the free sites of a body; earlier bodies have `needed` particles.
 
     Raises
     ------
     SceneError
-        The free sites and the taken ones are more than `scene.max_particles`.
+        All are more than `scene.max_particles`.
     """
-    solids = [obstacle.to_native() for obstacle in scene.obstacles]
-    free, needed = [], len(taken)
-    for sites in _lattice_blocks(scene, body):
-        centers = _rounded(_centers(scene, sites))
-        keep = body.contains(centers.astype(np.float64)) & _clear_of_walls(scene, centers)
-        sites, centers = sites[keep], centers[keep]  # noqa: PLW2901 - narrowed step by step
-        for solid in solids:
-            outside = solid.signed_distance(centers) > 0
-            sites, centers = sites[outside], centers[outside]  # noqa: PLW2901
-        sites = sites[~np.isin(_keys(scene, sites), taken)]  # noqa: PLW2901
-        needed += len(sites)
+    found = []
+    for sites in lattice.blocks():
+        found.append(sites[lattice.free(_rounded(lattice.centers(sites)))])
+        needed += len(found[-1])
         if needed > scene.max_particles:
             text = f"need {needed} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
             raise SceneError.of([("bodies", text)])
-        free.append(sites)
-    return np.concatenate(free)
+    return np.concatenate(found)
 
 
-def _lattice_blocks(scene: Fillable, body: Body) -> Iterator[npt.NDArray[np.int64]]:
-    """Yield the lattice indices (n, D) of the bounding box of `body`, in slabs that bound the memory used."""
-    lower, upper = body.bounds
-    first = np.floor(lower / scene.spacing).astype(int)
-    last = np.ceil(upper / scene.spacing).astype(int)
-    slab = max(1, _SITES_AT_ONCE // int(np.prod(last[1:] - first[1:])))
-    for start in range(int(first[0]), int(last[0]), slab):
-        axes = [np.arange(start, min(start + slab, int(last[0])))]
-        axes += [np.arange(a, b) for a, b in zip(first[1:], last[1:], strict=True)]
-        yield np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim)
-
-
-def _centers(scene: Fillable, sites: npt.NDArray[np.int64]) -> Points:
-    return (sites.astype(np.float64) + 0.5) * scene.spacing
+def _free_volume(lattice: _Lattice, count: int) -> float:
+    """Return the volume [m^D] that obstacles and earlier bodies leave of a body, for `count` particles."""
+    measure = lattice.body.measure
+    if not (lattice.solids or lattice.earlier):
+        return measure
+    parts = np.maximum(_PARTS, -(-_FEWEST_PARTS[len(lattice.count)] // lattice.count))
+    cell = float(np.prod(lattice.step))
+    corners = np.stack(np.meshgrid(*map(np.arange, parts), indexing="ij"), axis=-1).reshape(1, -1, len(parts))
+    rng = np.random.default_rng(0)
+    inside = free = 0
+    for block in lattice.blocks():
+        sites = block[lattice.may_be_cut(block)]
+        for few in np.array_split(sites, -(-len(sites) * corners.shape[1] // _SITES_AT_ONCE) or 1):
+            # A point at random in each part: surfaces along the axes would all miss by half a part.
+            within = (corners + rng.random((len(few), *corners.shape[1:]))) / parts
+            x = (lattice.lower + (few[:, None] + within) * lattice.step).reshape(-1, len(parts))
+            inside += int(lattice.body.contains(x).sum())
+            free += int(lattice.free(_rounded(x)).sum())
+    part = cell / corners.shape[1]
+    return max(max(measure - inside * part, 0.0) + free * part, count * part)
 
 
 def _rounded(x: Points) -> npt.NDArray[np.float32]:
@@ -182,24 +254,9 @@ def _rounded(x: Points) -> npt.NDArray[np.float32]:
     return x.astype(np.float32)
 
 
-def _keys(scene: Fillable, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return one number (n,) for each site, different for different sites."""
-    extent = int(np.ceil(max(scene.walls.upper) / scene.spacing)) + 1
-    return np.asarray(np.ravel_multi_index(tuple(sites.T), (extent,) * scene.dim), dtype=np.int64)
-
-
-def _clear_of_walls(scene: Fillable, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
-    gap = _CLEARANCE * scene.spacing
-    lower, upper = np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap
-    return np.asarray(((x > lower) & (x < upper)).all(axis=1))
-
-
-def _jittered(scene: Fillable, body: Body, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+def _jittered(lattice: _Lattice, sites: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.float32]:
     """Return positions (n, D) [m]: each site moved at random, or unmoved where it would leave the body."""
-    rng = np.random.default_rng(body.seed)
-    centers = _centers(scene, sites)
-    moved = _rounded(centers + rng.uniform(-JITTER, JITTER, centers.shape) * scene.spacing)
-    allowed = body.contains(moved.astype(np.float64)) & _clear_of_walls(scene, moved)
-    for obstacle in scene.obstacles:
-        allowed &= obstacle.to_native().signed_distance(moved) > 0
-    return np.where(allowed[:, None], moved, _rounded(centers))
+    rng = np.random.default_rng(seed)
+    centers = lattice.centers(sites)
+    moved = _rounded(centers + rng.uniform(-JITTER, JITTER, centers.shape) * lattice.step)
+    return np.where(lattice.free(moved)[:, None], moved, _rounded(centers))

@@ -63,7 +63,7 @@ def test_simulate_a_scene_file_to_several_files(tmp_path: Path, scene_file: Path
 def test_simulate_without_output_tells_a_summary(scene_file: Path) -> None:
     result = run("simulate", "--scene", scene_file, "--frames", 0)
     assert result.exit_code == 0
-    assert result.stdout.startswith("drop: 184 particles, 0 frames; ")
+    assert result.stdout.startswith("drop: 177 particles, 0 frames; ")
 
 
 def test_simulate_without_output_says_what_it_discards(tmp_path: Path, scene_file: Path) -> None:

@@ -326,7 +326,7 @@ def test_simulators_and_the_command_line_know_level(tmp_path: Path) -> None:
     run = CliRunner().invoke
     done = run(cli, ["simulate", "water_2d", "--coarse", "1/16", "--frames", "8", "--save", str(file)])
     assert done.exit_code == 0, done.output
-    assert "3686 particles" in done.output
+    assert "3725 particles" in done.output
     assert hybridmpm.load(file).r_p == 1 / 16
     refused = run(cli, ["simulate", "water_2d", "--coarse", "1/15", "--frames", "8"])
     assert refused.exit_code == 2

@@ -116,7 +116,7 @@ def test_failing_scenes_are_named_and_the_others_advance(drop: Scene) -> None:
     [
         (-1, None, r"frames must be in \[0, 1000000\], got -1"),
         (1, [None], "one entry for each of 2 scenes, got 1"),
-        (1, [None, [1.0]], r"force\[1\] must have shape \(2,\), \(184, 2\) or"),
+        (1, [None, [1.0]], r"force\[1\] must have shape \(2,\), \(177, 2\) or"),
         (1, [None, [[1.0, 2.0]]], r"force\[1\] must have shape"),
         (1, lambda _: None, "one entry for each of 2 scenes, got function"),
     ],

@@ -177,7 +177,7 @@ def test_threads_share_a_solver(splash: Scene) -> None:
 
 
 HEAP = Scene(
-    dim=2, resolution=32, bodies=(Box(material="sand", lower=(0.4, 0.1), upper=(0.6, 0.2)),), frames=10
+    dim=2, resolution=32, bodies=(Box(material="sand", lower=(0.4, 0.1), upper=(0.59, 0.19)),), frames=10
 )
 
 
