@@ -99,7 +99,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
         ),
         (
             {"emitters": [SPOUT], "frames": 800},
-            "note", "emitters", ["from 655 to up to 7055", "11 times as long"],
+            "note", "emitters", ["from 655 to up to 7311", "11 times as long"],
         ),
     ],
     ids=lambda value: value if isinstance(value, str) else None,

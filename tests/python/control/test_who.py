@@ -35,7 +35,7 @@ from hybridmpm.control import (
 
 BODIES = [
     Box(lower=(0.15, 0.1), upper=(0.3, 0.25), material="water"),
-    Box(lower=(0.6, 0.1), upper=(0.75, 0.25), material="sand"),
+    Box(lower=(0.58, 0.1), upper=(0.73, 0.25), material="sand"),
     Box(lower=(0.8, 0.1), upper=(0.88, 0.18), material="water"),
 ]
 OVAL = Ellipse(np.array([0.4, 0.6]), np.array([0.1, 0.08]), 0.0)

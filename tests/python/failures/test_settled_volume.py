@@ -24,9 +24,12 @@ HALF = box((0.1, 0.1, 0.1), (0.3, 0.5, 0.5))
 
 def filled(solver: MpmSolver) -> float:
     """Height [m] of all particles at rest, side by side between the walls."""
-    walls, dim = solver.scene.walls, solver.scene.dim
+    walls = solver.scene.walls
+    volume = solver.scene.sample().volume.sum(dtype=np.float64)
+    if solver.scene.emitters:
+        volume += solver.diagnostics().emitted_mass / solver.scene.emitters[0].material.density
     sides = [b - a for axis, (a, b) in enumerate(zip(walls.lower, walls.upper, strict=True)) if axis != 1]
-    return float(solver.particle_count * solver.scene.spacing**dim / np.prod(sides))
+    return float(volume / np.prod(sides))
 
 
 SLOSH = 520

@@ -114,7 +114,7 @@ def pool() -> Scene:
 
 @pytest.fixture
 def drop_on_pool() -> Scene:
-    """Return the pool and a drop of 5 particles 0.14 m above it."""
+    """Return the pool and a drop of 4 particles 0.14 m above it."""
     water = Box(material="water", lower=(0.1, 0.1), upper=(0.9, 0.16))
-    drop = Ball(material="water", center=(0.5, 0.3), radius=0.01, seed=2)
+    drop = Ball(material="water", center=(0.5, 0.3), radius=0.009, seed=2)
     return Scene(name="drop on a pool", dim=2, resolution=64, bodies=(water, drop))

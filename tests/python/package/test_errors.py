@@ -50,11 +50,11 @@ def tear_apart() -> None:
 
 
 def invert() -> None:
-    """Give an elastic body velocities that press it to a point within a frame."""
+    """Give an elastic body velocities that press it to a line within a frame."""
     body = Box(material="elastic", lower=(0.3, 0.3), upper=(0.5, 0.5))
     solver = MpmSolver(Scene(dim=2, resolution=32, bodies=(body,)))
     x = solver.positions
-    solver.prescribe(x, (0.4 - x) * np.float32(3000), 1, deform=True)
+    solver.prescribe(x, (0.4 - x) * np.array([3000, 0], dtype=np.float32), 1, deform=True)
     solver.advance(3)
 
 
@@ -83,7 +83,7 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
         lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0, max_edges=7),
         "raise max_edges",
     ),
-    "InvertedError": (invert, r"particle \d+ reached volume ratio J = .* in frame 1"),
+    "InvertedError": (invert, r"particle \d+ reached volume ratio J = .* in frame [12]"),
     "NonFiniteError": (tear_apart, r"particle \d+ .*frame 0"),
     "SceneError": (lambda: Scene.parse({}), "dim: is required; bodies: is required"),
     "SimulationError": (lambda: MpmSolver(DROP, substeps=1).advance(), "stability limit"),

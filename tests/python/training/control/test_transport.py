@@ -96,7 +96,7 @@ def test_samples_lead_back_to_the_past(six: list[pasts.Past], four: list[pasts.P
                     found.append((tuple(order), signs))
         assert len(found) == 1
         seen.add(found[0])
-        np.testing.assert_allclose(sample.aim.mean, sample.end.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(sample.aim.mean, sample.state.weight @ sample.end, atol=1e-9)
     assert len(seen) == (2 if dim == 2 else 8)
 
 
@@ -106,7 +106,8 @@ def test_a_sample_in_3d_has_the_covariance_of_the_view(four: list[pasts.Past]) -
     for sample in (one for one in samples if not one.is_arrow):
         root = sample.aim.root
         assert root is not None
-        np.testing.assert_allclose(root @ root, np.cov(sample.end[:, :2].T, bias=True), atol=1e-9)
+        spread = np.cov(sample.end[:, :2].T, bias=True, aweights=sample.state.weight)
+        np.testing.assert_allclose(root @ root, spread, atol=1e-9)
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
