@@ -70,7 +70,8 @@ def settled(frames: int, **scene: Any) -> MpmSolver:
         if not solver.scene.is_open:
             present = energy(solver)
             lowest = min(lowest, present)
-            assert present <= min(start, lowest + 0.005 * start)
+            # Places at random are crowded here and there, which is pressed apart once, up to 8e-5.
+            assert present <= min(start * (1 + 2e-4), lowest + 0.005 * start)
     return solver
 
 
