@@ -19,7 +19,8 @@ LIMITS = {
     # 160 lines read forces and torques of walls and obstacles.
     # 240 lines count the time that gaps take, copy followed sketches, and light the edges of pictures.
     # 190 lines are for worlds of any size.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_100),
+    # 90 lines give bodies their mass wherever they lie.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_190),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -41,7 +42,8 @@ LIMITS = {
     # 170 lines balance forces with momentum and closed forms.
     # 200 lines pass gaps of some cells, copy sketches that are followed, and photograph them.
     # 190 lines simulate worlds that are no cube of one metre.
-    "tests": (("tests/**.py",), 30_480),
+    # 20 lines weigh bodies.
+    "tests": (("tests/**.py",), 30_500),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
