@@ -150,11 +150,23 @@ async def _large_bodies(target: Target) -> None:
     await target.crowd(4, *(_request("POST", path, body) for path in paths for body in bodies))
 
 
-async def _downloads(target: Target) -> None:
+def _long_log(target: Target) -> bytes:
+    """Return the creation of a session from a log of 15 000 pushes."""
     push = {"point": [0.4, 0.2, 0.5], "velocity": [1, 0, 0], "radius": 0.1, "cap": 15}
     log = target.log | {"frame": 1, "inputs": [{"kind": "push", "frame": 0, "push": push}] * 15_000}
-    made = json.loads(await target.call(_post("/v1/sessions", log=log)))
+    return _post("/v1/sessions", log=log)
+
+
+async def _downloads(target: Target) -> None:
+    made = json.loads(await target.call(_long_log(target)))
     await target.crowd(8, _request("GET", made["links"]["log"]))
+
+
+async def _sketches(target: Target) -> None:
+    """Draw sketches that newer ones replace; most clients leave before theirs is planned."""
+    arrow = {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]}
+    sketch = _post(f"{target.path}/sketches", strokes=[arrow])
+    await asyncio.gather(target.crowd(30, sketch, patience=0.05), target.crowd(10, sketch))
 
 
 async def _listeners(target: Target) -> None:
@@ -207,6 +219,11 @@ ATTACKS = {
     "14 films": Attack(202, (), lambda to: to.crowd(14, _post(f"{to.path}/recordings", **_FILM), pause=5)),
     "14 data sets": Attack(202, (), lambda to: to.crowd(14, _DATASET, pause=5)),
     "8 downloads of a log of 15 000 inputs": Attack(200, (201,), _downloads),
+    "8 clients that send such a log": Attack(201, (204,), lambda to: to.crowd(8, _long_log(to))),
+    "40 clients whose sketches are replaced": Attack(None, (200, 409, CUT), _sketches),
+    "400 calls at once, again and again": Attack(
+        200, (), lambda to: to.crowd(400, _request("GET", to.path), pause=0.5)
+    ),
     "300 slow readers of particles": Attack(
         200, (CUT,), lambda to: to.crowd(300, _request("GET", f"{to.path}/particles"), pause=1, slow=True)
     ),
