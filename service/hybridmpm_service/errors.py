@@ -1,5 +1,7 @@
 """Errors of the service itself; those of the library are in `hybridmpm.errors`."""
 
+from collections.abc import Sequence
+
 
 class ServiceError(Exception):
     """Parent of the errors with which the service itself refuses a request."""
@@ -96,3 +98,9 @@ class FieldError(ServiceError):
     def __reduce__(self) -> tuple[type["FieldError"], tuple[str, str]]:
         """Pickle both parts, since errors also come from processes apart."""
         return type(self), (self.field, self.message)
+
+
+def field_path(location: Sequence[int | str]) -> str:
+    """Return pydantic's location of a field as text, e.g. body.strokes[0].points."""
+    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return path.removeprefix(".")

@@ -219,7 +219,7 @@ def _compute_again(logs: Sequence[dict[str, Any]], solvers: SolverFactory, outco
     """
     longest = max(reversed(logs), key=lambda log: int(log["frame"]))
     scene = Scene.parse(longest["scene"])
-    stored = LogBody.model_validate_json(json.dumps(longest)).log(scene, 10**9, 10**9)
+    stored = LogBody.model_validate_json(json.dumps(longest)).log(scene, 10**9)
     origin = stored.origin
     chosen = solvers.make(origin.choice, origin.scene, origin.scenario)
     journal = Journal(stored.inputs, pending=len(stored.inputs))

@@ -11,7 +11,6 @@ from pydantic import ConfigDict, Field
 from hybridmpm import Scene
 from hybridmpm.data import Recipe, Seeds
 from hybridmpm.errors import ConfigError, UnknownScenarioError
-from hybridmpm.export.pictures import FILM_FPS
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import Answer
@@ -30,8 +29,8 @@ MAX_RECORDED_NUMBERS = 1 << 26
 """Largest number of coordinates in a recording, states x particles x dimensions; velocities take as many."""
 _listeners: WeakKeyDictionary[Job, int] = WeakKeyDictionary()
 MOST_TRAJECTORIES = 1000
-MOST_PICTURES = 3000
-"""Largest number of pictures of a film: a minute."""
+MOST_FILM_SECONDS = 60.0
+"""Longest film [s]."""
 BYTES_PER_PIXEL = 800
 """Memory that the drawing of a picture takes for each of its pixels [bytes]."""
 MOST_NUMBERS = 1 << 27
@@ -66,7 +65,7 @@ class RecordSession(Strict):
         if states > most:
             text = f"must be at least {-(-self.frames // max(1, most - 1))} for so many frames"
             raise FieldError("body.every", f"{text}, got {self.every}")
-        slowest = self.frames * scene.frame_dt * FILM_FPS / MOST_PICTURES
+        slowest = self.frames * scene.frame_dt / MOST_FILM_SECONDS
         if self.format in {"gif", "mp4"} and self.speed < slowest:
             raise FieldError(
                 "body.speed", f"must be at least {slowest:.2g} for so many frames, got {self.speed:g}"

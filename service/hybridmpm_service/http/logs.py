@@ -21,8 +21,6 @@ from hybridmpm_service.sessions.inputs import (
     Input,
     Inputs,
     Origin,
-    PushInput,
-    SketchInput,
     Strict,
     Versions,
 )
@@ -135,28 +133,24 @@ class LogBody(Strict):
                 )
         return self
 
-    def log(self, scene: Scene, most_frames: int, most_sketch_frames: int) -> SessionLog:
+    def log(self, scene: Scene, most_frames: int) -> SessionLog:
         """Return the log.
 
         Parameters
         ----------
         scene : Scene
-            What `scene` contains.
+            What `scene` contains; the inputs fit it, as `scene_work.read_logged` checks.
         most_frames : int
             Largest frame at which it may end.
-        most_sketch_frames : int
-            Largest number of frames that a sketch may steer.
 
         Raises
         ------
-        FieldError, SketchError
+        FieldError
             Something is out of range.
         """
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
         origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()}, scene)
-        for place, one in enumerate(self.inputs):
-            _check(one, f"body.log.inputs[{place}]", scene.dim, most_sketch_frames)
         return SessionLog(origin=origin, frame=self.frame, inputs=self.inputs, digest=self.digest)
 
 
@@ -178,24 +172,3 @@ def _start_of(log: SessionLog) -> bytes:
     ends = {"frame": 0, "inputs": [], "digest": log.digest}
     body = LogBody.model_validate({"format": FORMAT, **log.origin.record(), **ends})
     return body.model_dump_json(exclude={"inputs"}).encode().rpartition(b'"frame":')[0]
-
-
-def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
-    """Refuse an input that does not fit the scene, or a limit of this server."""
-    if isinstance(one, SketchInput):
-        settings = one.settings
-        longest = max(settings.most, (settings.frames or 1) + settings.hold)
-        if longest > most_sketch_frames:
-            raise FieldError(
-                f"{field}.settings", f"steers for up to {longest} frames, at most {most_sketch_frames} may be"
-            )
-        try:
-            one.sketch.sketch()
-        except TypeError:
-            text = "an arrow has points, an ellipse center, axes and angle"
-            raise FieldError(f"{field}.sketch", text) from None
-    if isinstance(one, PushInput) and one.push is not None:
-        for name in ("point", "velocity"):
-            given = len(getattr(one.push, name))
-            if given != dim:
-                raise FieldError(f"{field}.push.{name}", f"must have {dim} numbers, got {given}")

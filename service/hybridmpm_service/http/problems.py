@@ -35,6 +35,7 @@ from hybridmpm_service.errors import (
     UnsupportedFormatError,
     UploadTooLargeError,
     WorkTooLongError,
+    field_path,
 )
 
 MEDIA_TYPE = "application/problem+json"
@@ -260,9 +261,3 @@ def _field_problem(problem: dict[str, Any]) -> tuple[str, str]:
 def shortened(text: str, most: int) -> str:
     """Return a text, or its beginning where it has more than `most` characters."""
     return text if len(text) <= most else f"{text[: most - 4]} ..."
-
-
-def field_path(location: Sequence[int | str]) -> str:
-    """Return pydantic's location of a field as text, e.g. body.strokes[0].points."""
-    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
-    return path.removeprefix(".")

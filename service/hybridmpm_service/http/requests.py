@@ -3,18 +3,16 @@
 The text below a field describes it in the OpenAPI document.
 """
 
-import json
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from hybridmpm.control import Stroke
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.problems import field_path
-from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, Inputs, SketchSettings, Strict
+from hybridmpm_service.sessions.inputs import FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
-from hybridmpm_service.sessions.scene_work import value_of
+from hybridmpm_service.sessions.scene_work import read_log, value_of
 from hybridmpm_service.sessions.turns import Turns
 
 MAX_VALUES = 1 << 15
@@ -31,7 +29,6 @@ All but its inputs have to be at most `MAX_VALUES`.
 _QUICK_BYTES = 1 << 14
 """Largest body that is read on the event loop: it takes less than a millisecond."""
 _LOG = re.compile(rb'\s*\{\s*"log"\s*:')
-_INPUTS = re.compile(rb'"inputs"\s*:\s*\[')
 _START_BYTES = 256
 """Number of bytes within which a log says that it is one."""
 
@@ -93,7 +90,7 @@ def read_json(text: bytes | str, field: str) -> Any:
     values = Values(field)
     values.add(data)
     try:
-        value = _read_log(data) if values.is_log else value_of(data)
+        value = read_log(data) if values.is_log else value_of(data)
     except (ValueError, RecursionError) as err:
         raise FieldError(field, f"is not JSON: {err}") from None
     if values.is_log:
@@ -103,55 +100,16 @@ def read_json(text: bytes | str, field: str) -> Any:
 
 async def read_body(turns: Turns, data: bytes) -> Any:
     """Return the value of a body of JSON, as `read_json` does; a large one is read off the event loop."""
-    if _LOG.match(data) is not None:
-        return await turns.run(lambda: read_json(data, "body"))
     if len(data) <= _QUICK_BYTES:
         return read_json(data, "body")
+    is_log = _LOG.match(data) is not None
     try:
-        return await turns.apart(value_of, data)
+        value = await turns.apart(read_log if is_log else value_of, data)
     except (ValueError, RecursionError) as err:
         raise FieldError("body", f"is not JSON: {err}") from None
-
-
-def _read_log(data: bytes) -> Any:
-    """Return the value of a log's text, with its inputs as `Inputs`.
-
-    Each input is read by itself: one call for all of them would keep Python's global lock for long.
-    """
-    found = _INPUTS.search(data)
-    if found is None:
-        return value_of(data)
-    text, place = data.decode(), len(data[: found.end()].decode())
-    inputs = Inputs()
-    decoder = json.JSONDecoder()
-    while (place := _after(text, place)) < len(text) and text[place] != "]":
-        if inputs:
-            if text[place] != ",":
-                raise ValueError(f"expected , or ] at character {place}")
-            place = _after(text, place + 1)
-        start = place
-        one, place = decoder.raw_decode(text, place)
-        try:
-            inputs.append(INPUT.validate_python(one))
-        except ValidationError as err:
-            value_of(text[start:place].encode())
-            fault = err.errors(include_url=False)[0]
-            field = field_path(("body", "log", "inputs", len(inputs), *fault["loc"]))
-            raise FieldError(field, fault["msg"].removeprefix("Value error, ")) from None
-    body = value_of(data[: found.end()] + text[place:].encode())
-    log = body["log"] if isinstance(body, dict) else None
-    if isinstance(log, dict) and log.get("inputs") == []:
-        log["inputs"] = inputs
-    elif inputs:
-        raise ValueError("the inputs of a log are to stand in it once")
-    return body
-
-
-def _after(text: str, place: int) -> int:
-    """Return the place of the next character that is no white space."""
-    while place < len(text) and text[place] in " \t\r\n":
-        place += 1
-    return place
+    if is_log:
+        _check_beside_inputs(value, "body")
+    return value
 
 
 def _check_beside_inputs(body: dict[str, Any], field: str) -> None:

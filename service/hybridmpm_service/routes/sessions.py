@@ -42,9 +42,9 @@ async def create_session(
 async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> Session:
     sent = body.log
     if sent is not None:
-        scene = await sessions.turns.apart(scene_work.read, sent.scene)
-        most = limits.max_replay_frames, limits.max_sketch_frames
-        return await sessions.replay(await sessions.turns.run(lambda: sent.log(scene, *most)))
+        most = limits.max_sketch_frames
+        scene = await sessions.turns.apart(scene_work.read_logged, sent.scene, sent.inputs, most)
+        return await sessions.replay(sent.log(scene, limits.max_replay_frames))
     return await sessions.create(body.source(), body.choice())
 
 

@@ -12,9 +12,15 @@ from pydantic import ValidationError
 from hybridmpm import SimulationError
 from hybridmpm.control import Push, push
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
-from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError, UnavailableError
+from hybridmpm_service.errors import (
+    FieldError,
+    ServiceError,
+    SessionNotFoundError,
+    UnavailableError,
+    field_path,
+)
 from hybridmpm_service.http.answers import HistoryBody, SessionBody
-from hybridmpm_service.http.problems import MAX_DETAIL, field_path, row_of, shortened, urn_of
+from hybridmpm_service.http.problems import MAX_DETAIL, row_of, shortened, urn_of
 from hybridmpm_service.http.requests import (
     COMMAND,
     Command,

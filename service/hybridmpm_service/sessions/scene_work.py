@@ -1,6 +1,7 @@
 """Work on what clients send and receive, made of functions that also run in a process apart (see `apart`)."""
 
 import json
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,17 +10,20 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ValidationError
 
 from hybridmpm import Scene, SceneError, UnknownScenarioError, checking, scenarios
 from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner import Estimate, Plan, estimates, plan
 from hybridmpm.scene import plain_data
-from hybridmpm_service.errors import FieldError
+from hybridmpm_service.errors import FieldError, field_path
 from hybridmpm_service.sessions.admission import building_cost, within_limits
+from hybridmpm_service.sessions.inputs import INPUT, Input, Inputs, PushInput, SketchInput
 from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
 from hybridmpm_service.settings import Settings
 
+_INPUTS = re.compile(rb'"inputs"\s*:\s*\[')
 _SMALL = 5_000_000
 """Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 _MOST_FAULTS, _MOST_FIELDS = 50, 100
@@ -76,12 +80,96 @@ def value_of(text: bytes) -> Any:
     return value
 
 
+def read_log(data: bytes) -> Any:
+    """Return the value of a log's text, with its inputs as `Inputs`.
+
+    Each input is read by itself: one call for all of them would keep Python's global lock for long.
+    """
+    found = _INPUTS.search(data)
+    if found is None:
+        return value_of(data)
+    text, place = data.decode(), len(data[: found.end()].decode())
+    inputs = Inputs()
+    decoder = json.JSONDecoder()
+    while (place := _after(text, place)) < len(text) and text[place] != "]":
+        if inputs:
+            if text[place] != ",":
+                raise ValueError(f"expected , or ] at character {place}")
+            place = _after(text, place + 1)
+        start = place
+        one, place = decoder.raw_decode(text, place)
+        try:
+            inputs.append(INPUT.validate_python(one))
+        except ValidationError as err:
+            value_of(text[start:place].encode())
+            fault = err.errors(include_url=False)[0]
+            field = field_path(("body", "log", "inputs", len(inputs), *fault["loc"]))
+            raise FieldError(field, fault["msg"].removeprefix("Value error, ")) from None
+    body = value_of(data[: found.end()] + text[place:].encode())
+    log = body["log"] if isinstance(body, dict) else None
+    if isinstance(log, dict) and log.get("inputs") == []:
+        log["inputs"] = inputs
+    elif inputs:
+        raise ValueError("the inputs of a log are to stand in it once")
+    return body
+
+
+def _after(text: str, place: int) -> int:
+    """Return the place of the next character that is no white space."""
+    while place < len(text) and text[place] in " \t\r\n":
+        place += 1
+    return place
+
+
 def read(data: Any) -> Scene:
     """Return the scene of plain data; raises `SceneError`, with the first faults of many."""
     try:
         return Scene.parse(data)
     except SceneError as err:
         raise SceneError.of(err.problems[:_MOST_FAULTS]) from None
+
+
+def read_logged(data: Any, inputs: Inputs, most: int) -> Scene:
+    """Return the scene of a log.
+
+    Parameters
+    ----------
+    data : mapping
+        The scene.
+    inputs : Inputs
+    most : int
+        Largest number of frames that a sketch may steer.
+
+    Raises
+    ------
+    SceneError, FieldError, SketchError
+        The scene is not valid, or an input does not fit it or a limit of this server.
+    """
+    scene = read(data)
+    for place, one in enumerate(inputs):
+        _check(one, f"body.log.inputs[{place}]", scene.dim, most)
+    return scene
+
+
+def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
+    """Refuse an input that does not fit the scene, or a limit of this server."""
+    if isinstance(one, SketchInput):
+        settings = one.settings
+        longest = max(settings.most, (settings.frames or 1) + settings.hold)
+        if longest > most_sketch_frames:
+            raise FieldError(
+                f"{field}.settings", f"steers for up to {longest} frames, at most {most_sketch_frames} may be"
+            )
+        try:
+            one.sketch.sketch()
+        except TypeError:
+            text = "an arrow has points, an ellipse center, axes and angle"
+            raise FieldError(f"{field}.sketch", text) from None
+    if isinstance(one, PushInput) and one.push is not None:
+        for name in ("point", "velocity"):
+            given = len(getattr(one.push, name))
+            if given != dim:
+                raise FieldError(f"{field}.push.{name}", f"must have {dim} numbers, got {given}")
 
 
 def examined(source: SceneSource, settings: Settings) -> tuple[Scene, tuple[Finding, ...]]:

@@ -95,8 +95,8 @@ class Worker:
         """Wait until the jobs that were taken before `end` have been run."""
         unfinished = [asyncio.wrap_future(future) for future in list(self._unfinished)]
         await asyncio.gather(*unfinished, return_exceptions=True)
-        # Nothing is left to wait for but the thread's last instructions.
-        self._thread.shutdown(wait=True)
+        # Nothing is left to wait for but the thread's last instructions, which a busy machine may delay.
+        await asyncio.to_thread(self._thread.shutdown)
 
 
 Check: TypeAlias = Callable[[], None]

@@ -16,8 +16,8 @@ from starlette.requests import Request
 import hybridmpm.errors
 from hybridmpm import ConfigError, NonFiniteError, SceneError, SimulationError, UnknownScenarioError
 from hybridmpm_service import errors
-from hybridmpm_service.errors import UnavailableError
-from hybridmpm_service.http.problems import TABLE, field_path, row_of
+from hybridmpm_service.errors import UnavailableError, field_path
+from hybridmpm_service.http.problems import TABLE, row_of
 from hybridmpm_service.http.replies import FRAMES, JSON, NPZ, PLY, VTP, numbers_response, preferred
 from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.turns import Turns
