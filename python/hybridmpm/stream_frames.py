@@ -18,7 +18,8 @@ FLAG_POPULATION = 2
 HEADER = struct.Struct("<IBBHQdIBBH")
 """Magic, version, kind, flags, frame, time [s], N, D, type of the numbers, solver time [1 / 100 ms]."""
 _VERSION_OFFSET = 4
-_UNITS_PER_METRE = 65535
+_UNITS = 65535
+"""Units in the longest side of the world."""
 _UNITS_PER_MS = 100
 
 
@@ -49,7 +50,9 @@ class Frame:
     steered: bool
     """True if a sketch steered this frame."""
     positions: npt.NDArray[np.float32]
-    """Positions (N, D) [m] in [0, 1]; the message rounds them to 1 / 65535 m."""
+    """Positions (N, D) [m]; the message rounds them to 1 / 65535 of `length`."""
+    length: float = 1.0
+    """Longest side of the world [m], which the message does not contain."""
     population: Population | None = None
     """Ids and types of the particles; None where they are the same in all frames."""
 
@@ -101,7 +104,7 @@ def encode(frame: Frame) -> bytes:
         min(round(frame.solver_ms * _UNITS_PER_MS), 0xFFFF),
     )
     # The solver tolerates a particle up to one cell outside; the picture shows it on the edge.
-    scaled = np.rint(np.clip(frame.positions, 0.0, 1.0) * np.float32(_UNITS_PER_METRE))
+    scaled = np.rint(np.clip(frame.positions, 0.0, frame.length) * np.float32(_UNITS / frame.length))
     numbers: bytes = scaled.astype("<u2").tobytes()
     if population is None:
         return header + numbers
@@ -109,8 +112,8 @@ def encode(frame: Frame) -> bytes:
     return header + population.ids.astype("<u4").tobytes() + numbers + population.types.tobytes()
 
 
-def decode(message: bytes) -> Frame:
-    """Return the frame of a message of any version.
+def decode(message: bytes, length: float = 1.0) -> Frame:
+    """Return the frame of a message of any version, in a world whose longest side is `length` [m].
 
     Raises
     ------
@@ -135,7 +138,8 @@ def decode(message: bytes) -> Frame:
         time=time,
         solver_ms=units / _UNITS_PER_MS,
         steered=bool(flags & FLAG_STEERED),
-        positions=raw.astype(np.float32) / np.float32(_UNITS_PER_METRE),
+        positions=raw.astype(np.float32) / np.float32(_UNITS / length),
+        length=length,
         population=_population(message, count) if has_population else None,
     )
 

@@ -49,6 +49,32 @@ def _frame(magic: bytes = b"HMPM", version: int = 2, count: int = 2, dim: int = 
     return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
 
 
+def test_scenes_are_drawn_in_lengths_of_their_world(page: Page) -> None:
+    obstacle = {
+        "shape": "ball",
+        "center": [2.0, 0.5],
+        "radius": 0.4,
+        "motion": {"velocity": [1, 0], "period": 3},
+    }
+    emitter = {"lower": [0, 0.2], "upper": [0, 0.4], "velocity": [2, 0], "start": 1, "stop": 4}
+    walls = {"lower": [0, 0], "upper": [4, 1]}
+    scene = {
+        "dim": 2,
+        "world": {"size": [4, 1]},
+        "walls": walls,
+        "obstacles": [obstacle],
+        "emitters": [emitter],
+    }
+    assert _call(page, "stage/units.js", "lengthOf", scene) == 4
+    assert _call(page, "stage/units.js", "lengthOf", {"dim": 3}) == 1
+    drawn = _call(page, "stage/units.js", "scaled", scene, 0.25)
+    assert drawn["walls"] == {"lower": [0, 0], "upper": [1, 0.25]}
+    moved = obstacle | {"center": [0.5, 0.125], "radius": 0.1, "motion": {"velocity": [0.25, 0], "period": 3}}
+    assert drawn["obstacles"] == [moved]
+    assert drawn["emitters"] == [emitter | {"lower": [0, 0.05], "upper": [0, 0.1], "velocity": [0.5, 0]}]
+    assert _call(page, "stage/units.js", "scaled", scene, 1) == scene
+
+
 @pytest.mark.parametrize("count", [0, 1, 7, 50])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int) -> None:

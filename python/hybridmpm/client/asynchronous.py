@@ -424,6 +424,7 @@ class AsyncStream:
     def __init__(self, connection: ClientConnection, timeout: float) -> None:
         self._connection, self._timeout = connection, timeout
         self.hello: Json = {}
+        self._length = 1.0
 
     async def receive(self) -> messages.Message:
         """Return the next message: a frame, or a status of the session.
@@ -439,11 +440,14 @@ class AsyncStream:
         """
         try:
             async with asyncio.timeout(self._timeout):
-                return messages.read(await self._connection.recv())
+                message = messages.read(await self._connection.recv(), self._length)
         except TimeoutError as error:
             raise unreachable(str(self._connection.remote_address), error) from None
         except ConnectionClosed as error:
             raise closed(error) from None
+        if isinstance(message, dict) and message["type"] == "hello":
+            self._length = max(message["scene"].get("world", {"size": [1.0]})["size"])
+        return message
 
     async def __aiter__(self) -> AsyncIterator[messages.Message]:
         """Iterate over frames and statuses, as long as the stream is open."""

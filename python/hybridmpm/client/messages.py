@@ -12,8 +12,8 @@ VERSION = 2
 """Version of the frames that the client requests."""
 
 
-def read(message: str | bytes) -> Message:
-    """Return a message of the service.
+def read(message: str | bytes, length: float = 1.0) -> Message:
+    """Return a message of the service; frames are of a world whose longest side is `length` [m].
 
     Raises
     ------
@@ -21,7 +21,7 @@ def read(message: str | bytes) -> Message:
         The service refuses a command, or a frame has failed.
     """
     if isinstance(message, bytes):
-        return decode(message)
+        return decode(message, length)
     status: dict[str, Any] = json.loads(message)
     if status["type"] == "problem":
         raise ServiceError(status | {"type": status["problem"]})

@@ -15,6 +15,7 @@ import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces }
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
 import { Hand } from "./sketch/hand.js";
 import { Steering } from "./sketch/steering.js";
+import { lengthOf, scaled } from "./stage/units.js";
 import { Stage } from "./stage/stage.js";
 import { Tools } from "./tools.js";
 
@@ -34,7 +35,8 @@ const shown = {
     coarse: asCoarse(query.get("coarse")),
   },
   id: null,
-  scene: null, // from the hello message
+  scene: null, // from the hello message, in lengths of its world
+  length: 1, // longest side of the world [m]
   playing: null, // null as long as it is unknown
   speed: 0.25, // simulated seconds per second that the player aims at
   centroid: null, // centre of mass in the newest status; null where there is no particle
@@ -50,7 +52,10 @@ const shown = {
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
-  plan: (stroke, settings, signal) => session.steer(stroke, settings, signal),
+  plan: async (stroke, settings, signal) => {
+    const plan = await session.steer(scaled(stroke, shown.length), settings, signal);
+    return { ...plan, goal: scaled(plan.goal, 1 / shown.length) };
+  },
   settings: () => (shown.who === null ? sketchSettings() : { ...sketchSettings(), who: { particle: shown.who.particle } }),
   release: () => session.release().catch(messages.toast),
   dim: () => shown.scene.dim,
@@ -68,7 +73,7 @@ const steering = new Steering({
 const hand = new Hand({
   speed: () => shown.speed,
   cap: handCap,
-  push: (push) => session.send({ type: "push", ...push }),
+  push: (push) => session.send({ type: "push", ...scaled(push, shown.length) }),
   end: () => session.send({ type: "push_end" }),
   changed: refreshSteering,
 });
@@ -76,7 +81,7 @@ const presenter = new Presenter(steering);
 const forces = new Polled({
   ask: async () => {
     const field = session.state === "live" ? await session.force() : null;
-    return field?.points.length > 0 ? field : null;
+    return field?.points.length > 0 ? scaled(field, 1 / shown.length) : null;
   },
   changed: () => stage.invalidate(),
 });
@@ -150,7 +155,7 @@ function onHello(hello) {
   const resumes = hello.session.id === shown.id && shown.playing === true;
   if (hello.session.id !== shown.id) showSession(hello);
   shown.speed = hello.session.speed;
-  shown.centroid = hello.session.centroid;
+  shown.centroid = scaled(hello.session, 1 / shown.length).centroid;
   controls.showSpeed(shown.speed);
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
@@ -172,8 +177,9 @@ function showSession(hello) {
   shown.id = hello.session.id;
   livePanel.showSession(shown.id);
   clearTracks();
-  shown.scene = hello.scene;
-  stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing);
+  shown.length = lengthOf(hello.scene);
+  shown.scene = scaled(hello.scene, 1 / shown.length);
+  stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing / shown.length, shown.length);
   showFrameLength(shown.scene.frame_dt);
   shown.who = null;
   steering.clear();
@@ -195,7 +201,7 @@ function onStatus(status) {
   trackForces(status.session.frame, status.forces);
   showWho(status.session, status.history);
   shown.speed = status.session.speed;
-  shown.centroid = status.session.centroid;
+  shown.centroid = scaled(status.session, 1 / shown.length).centroid;
   steering.note(status.session.control);
   setPlaying(status.session.playing);
 }
@@ -350,7 +356,8 @@ controls.bindControls({
 
 bindAppearance();
 const pressures = new Polled({
-  ask: async () => (session.state === "live" && shown.scene !== null ? session.pressure() : null),
+  ask: async () =>
+    session.state === "live" && shown.scene !== null ? scaled(await session.pressure(), 1 / shown.length) : null,
   changed: () => {
     stage.showPressure(pressures.latest);
     showHighest(stage.highest);

@@ -43,7 +43,7 @@ router = APIRouter()
 
 _LAST_WORDS_SECONDS = 0.3
 """Longest time for a client to read the last message when its stream ends."""
-_SHOWN = {"name", "dim", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
+_SHOWN = {"name", "dim", "world", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
 """Fields of a scene for viewers."""
 _CLOSE_VERSION = 4406
 """WebSocket close code of a stream that is not available in the requested version."""

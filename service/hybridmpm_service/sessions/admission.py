@@ -93,9 +93,6 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     SceneError
         The scene is beyond a limit; the message has the figure, the limit and a remedy.
     """
-    if scene.world is not None:
-        text = "is not shown by this server yet: leave it out, for a world of one metre along each axis"
-        raise SceneError.of([("world", text)])
     most = settings.max_grid_nodes
     if grid_nodes(scene) > most:
         allowed = scene.resolution

@@ -134,7 +134,7 @@ class Hand(Strict):
         min_length=2, max_length=3
     )
     """Velocity of the hand [m/s]."""
-    radius: float = Field(gt=0, le=1)
+    radius: float = Field(gt=0, le=4096)
     """Reach of the force [m]."""
     cap: Cap = DEFAULT_CAP
 

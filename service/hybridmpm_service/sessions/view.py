@@ -288,6 +288,7 @@ def frame_of(simulator: Simulator, *, solver_ms: float = 0.0, steered: bool = Tr
         solver_ms=solver_ms,
         steered=steered,
         positions=simulator.positions,
+        length=max(simulator.scene.size),
         population=population,
     )
 

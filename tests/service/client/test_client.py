@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import MpmSolver, scenarios
+from hybridmpm import MpmSolver, Scene, scenarios
 from hybridmpm.client import (
     AsyncClient,
     AsyncJob,
@@ -227,6 +227,21 @@ def test_a_stream_shows_frames_and_takes_commands(client: Client) -> None:
         assert closed.value.code == 4404
         with pytest.raises(StreamClosedError):
             stream.play()
+
+
+def test_a_stream_of_a_long_world_is_in_metres(client: Client) -> None:
+    body = {"shape": "box", "material": "water", "lower": [1.0, 0.0], "upper": [1.6, 0.3]}
+    scene = {"dim": 2, "resolution": 50, "world": {"size": [1.6, 0.6]}, "bodies": [body]}
+    session = client.create(scene=Scene.parse(scene))
+    particles = session.particles()
+    with session.stream() as stream:
+        assert stream.hello["scene"]["world"] == {"size": [1.6, 0.6]}
+        frame = next(stream.frames())
+        np.testing.assert_allclose(frame.positions, particles.positions, atol=1.6 / 65535)
+        assert frame.positions[:, 0].max() > 1.5
+        stream.push([1.3, 0.1], [0.0, 2.0], 1.5)
+    with pytest.raises(ServiceError, match="sketches are for worlds of one metre along each axis"):
+        session.steer(ARROW)
 
 
 def test_the_same_with_asyncio(service: Any) -> None:

@@ -57,7 +57,7 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
         (_scene(resolution=1024, max_particles=10_000_000), "body.scene.bodies", "[1, 50000]"),
         (_scene(max_particles=10), "body.scene.bodies", "[1, 10]"),
         (_scene(wind=1), "body.scene.wind", "unknown"),
-        (_scene(emitters=[JET | {"radius": -1}]), "body.scene.emitters[0].radius", "must be in (0, 1]"),
+        (_scene(emitters=[JET | {"radius": -1}]), "body.scene.emitters[0].radius", "must be in (0, 4096]"),
         (_scene(emitters=[JET], resolution=128, frame_dt=0.1), "body.scene.bodies", "max_frame_cost"),
     ],
 )

@@ -21,7 +21,7 @@ export class ProtocolError extends Error {}
  * Decode one binary frame of the stream.
  *
  * `positions`, `ids` and `types` are views into `buffer` (no copies). `positions` has count x dim numbers, 0 .. 65535
- * for 0 .. 1 m. `ids` and `types` are null where particles neither come nor go; else `ids` are ascending.
+ * for 0 .. 1 times the longest side of the world. `ids` and `types` are null where particles neither come nor go; else `ids` are ascending.
  */
 export function decodeFrame(buffer) {
   if (buffer.byteLength < HEADER_BYTES) {

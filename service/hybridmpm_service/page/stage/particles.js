@@ -15,14 +15,20 @@ function placesOf(ids, others) {
 /** Speeds of the particles, one byte each (255 = FASTEST), estimated from successive frames and smoothed. */
 export class SpeedEstimate {
   #last = null;
+  #length;
   bytes = new Uint8Array(0);
+
+  /** @param length longest side of the world [m], which the largest position stands for */
+  constructor(length = 1) {
+    this.#length = length;
+  }
 
   update(frame) {
     const last = this.#last;
     this.#last = frame;
     const elapsed = last === null ? -1 : frame.time - last.time;
     if (elapsed < 0) this.bytes = new Uint8Array(frame.count);
-    else if (elapsed > 0) this.#blend(last, frame, 255 / (65535 * elapsed * FASTEST));
+    else if (elapsed > 0) this.#blend(last, frame, (255 * this.#length) / (65535 * elapsed * FASTEST));
   }
 
   #blend(last, { count, dim, ids, positions }, scale) {

@@ -65,11 +65,12 @@ export class Stage {
     return this.#renderer.kind;
   }
 
-  setScene(scene, types, spacing) {
+  /** @param length longest side of the world [m], in which the lengths of the scene and the spacing are given */
+  setScene(scene, types, spacing, length = 1) {
     this.#scene = scene;
     this.#types = types;
     this.#spacing = spacing;
-    this.#speeds = new SpeedEstimate();
+    this.#speeds = new SpeedEstimate(length);
     this.#described = false;
     this.#time = 0;
     this.#frame = null;

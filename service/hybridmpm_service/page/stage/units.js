@@ -1,0 +1,23 @@
+// Lengths of the picture: its unit is the longest side of the world, so that worlds of any size are drawn alike.
+
+/** Names of what is a length, a place or a velocity; those of a scene that are plain numbers are its lengths. */
+const LENGTHS = ["radius", "thickness", "spacing", "cell"];
+const PLACES = ["lower", "upper", "center", "start", "end", "point", "points", "path", "region", "axes", "centroid", "velocity"];
+
+/** The longest side of the world of a scene [m]. */
+export const lengthOf = (scene) => Math.max(...(scene.world?.size ?? [1]));
+
+const times = (value, factor) => (Array.isArray(value) ? value.map((part) => times(part, factor)) : value * factor);
+
+/** A copy of a scene, of a part of it or of an answer about it, in which all lengths are multiplied. */
+export function scaled(value, factor) {
+  if (factor === 1 || value === null || typeof value !== "object") return value;
+  if (Array.isArray(value)) return value.map((part) => scaled(part, factor));
+  return Object.fromEntries(
+    Object.entries(value).map(([name, part]) => {
+      // An emitter's start is a time, and a number.
+      const isLength = (LENGTHS.includes(name) && typeof part === "number") || (PLACES.includes(name) && Array.isArray(part));
+      return [name, isLength ? times(part, factor) : scaled(part, factor)];
+    }),
+  );
+}
