@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
-from hybridmpm.control.checks import positive
+from hybridmpm.control.checks import positive, refuse_world
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
@@ -280,10 +280,7 @@ def prepare(
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
     longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
-    if simulator.scene.world is not None:
-        raise ConfigError(
-            "sketches are for worlds of one metre along each axis: leave `world` out of the scene"
-        )
+    refuse_world(simulator.scene)
     goal = goal_of(sketch, Cloud.of(simulator, who), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
     if frames is None and needs.frames > longest:

@@ -63,13 +63,14 @@ class TrainedOn:
         Raises
         ------
         ConfigError
-            They differ in what one network must share, or one has emitters, sinks or moving obstacles.
+            They differ in what one network must share, or one has emitters, sinks, moving obstacles or a
+            world of its own size.
         """
         first: tuple[str, dict[str, Any]] | None = None
         materials: dict[str, dict[str, tuple[float, float]]] = {}
         obstacles = False
         for scene in scenes:
-            _refuse_changing(scene)
+            _refuse_untrainable(scene)
             shared = {key: getattr(scene, key) for key in ("dim", "frame_dt", "spacing", "gravity")}
             shared |= {"lower": scene.walls.lower, "upper": scene.walls.upper}
             first = first or (scene.title, shared)
@@ -142,7 +143,11 @@ def constants(material: Material, scene: Scene) -> dict[str, float]:
     return {name: float(number) for name, number in numbers.items()}
 
 
-def _refuse_changing(scene: Scene) -> None:
+def _refuse_untrainable(scene: Scene) -> None:
+    if scene.world is not None:
+        raise ConfigError(
+            f"{scene.title}: a network is trained in a world of one metre along each axis: leave `world` out"
+        )
     if scene.is_open:
         raise ConfigError(
             f"{scene.title}: a network is trained on the same particles throughout: remove emitters and sinks"

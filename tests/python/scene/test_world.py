@@ -18,12 +18,14 @@ from hybridmpm import (
     SceneError,
     World,
     check,
+    control,
     load,
     metrics,
     probes,
     scenarios,
 )
 from hybridmpm.coarse.splines import Stencils
+from hybridmpm.scenarios.trained_on import TrainedOn
 
 TANK = (1.61, 0.6)
 
@@ -190,6 +192,15 @@ def test_networks_refuse_worlds_that_they_were_not_trained_for() -> None:
             ConfigError, match="a world of one metre along each axis; that of the scene has 2 x 1 m"
         ):
             simulator(large, "fluids_2d")
+
+
+def test_what_is_for_one_metre_refuses_other_worlds() -> None:
+    with pytest.raises(ConfigError, match="trained in a world of one metre"):
+        TrainedOn.of([dam((2.0, 0.6))])
+    with pytest.raises(ConfigError, match="sketches are for worlds of one metre"):
+        control.prepare(MpmSolver(dam((2.0, 0.6))), control.Arrow([[0.2, 0.2], [0.5, 0.2]]))
+    with pytest.raises(ConfigError, match="sketches are for worlds of one metre"):
+        control.reversed_case(dam((2.0, 0.6)), control_frame=10, frames=5)
 
 
 def test_moving_obstacles_reach_all_of_a_world() -> None:

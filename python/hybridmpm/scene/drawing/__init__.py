@@ -35,13 +35,14 @@ def svg(
     """
     (left, bottom), (right, top) = walls.lower[:2], walls.upper[:2]
     wide, high = right - left + 2 * _MARGIN, top - bottom + 2 * _MARGIN
+    far = math.ceil(max(right, top)) + 1
     room = f"M{left:.4g} {bottom:.4g}H{right:.4g}V{top:.4g}H{left:.4g}Z"
     parts = [
         _rectangle(walls.lower, walls.upper, f'fill="{_INSIDE}"'),
         *(_body(body) for body in bodies),
         *(_obstacle(obstacle) for obstacle in obstacles),
         # Obstacles may reach through the walls, where nothing of them matters.
-        f'<path d="M-1 -1H2V2H-1Z{room}" fill="{_OUTSIDE}" fill-rule="evenodd"/>',
+        f'<path d="M-1 -1H{far}V{far}H-1Z{room}" fill="{_OUTSIDE}" fill-rule="evenodd"/>',
         f'<path d="{room}" fill="none" stroke="{_WALL}" stroke-width="0.004"/>',
         *(_opening(opening) for opening in openings),
     ]
@@ -99,7 +100,7 @@ def _half_space(point: Sequence[float], normal: Sequence[float], style: str) -> 
         return ""
     angle = math.degrees(math.atan2(normal[1], normal[0]))
     turn = f'transform="translate({point[0]:.4g} {point[1]:.4g}) rotate({angle:.4g})"'
-    return f'<rect x="-3" y="-3" width="3" height="6" {turn} {style}/>'
+    return f'<rect x="-9999" y="-9999" width="9999" height="19998" {turn} {style}/>'
 
 
 def _opening(opening: Emitter | Sink) -> str:
