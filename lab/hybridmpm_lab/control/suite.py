@@ -134,7 +134,7 @@ def digest(version: int = VERSION) -> str:
 def _entry(case: Case) -> list[object]:
     head: list[object] = [case.family, case.scenario, case.kind, case.seed]
     if case.family == "reversed":
-        return [*head, scenarios.get(case.scenario, case.seed).model_dump(mode="json")]
+        return [*head, scenarios.get(case.scenario, case.seed).model_dump(mode="json", exclude_defaults=True)]
     start = case.start()
     sketch = start.sketch
     numbers = (
@@ -142,7 +142,12 @@ def _entry(case: Case) -> list[object]:
         if isinstance(sketch, Ellipse)
         else sketch.points.ravel()
     )
-    return [*head, start.scene.model_dump(mode="json"), start.frame, np.round(numbers, 9).tolist()]
+    return [
+        *head,
+        start.scene.model_dump(mode="json", exclude_defaults=True),
+        start.frame,
+        np.round(numbers, 9).tolist(),
+    ]
 
 
 class _Drawing:
