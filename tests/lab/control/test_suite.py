@@ -163,7 +163,7 @@ def test_features_of_two_turning_blocks_are_those_of_the_formula() -> None:
     both = np.concatenate([x + 0.2, x + 0.6])
     centre = np.repeat([[0.2], [0.6]], 900, axis=0) + side.mean()
     turning = 3.0 * (both - centre)[:, ::-1] * [-1, 1]
-    scene = SimpleNamespace(spacing=1 / 256, resolution=128, dim=2)
+    scene = SimpleNamespace(spacing=1 / 256, resolution=128, dim=2, cells=(128, 128))
     blocks: Any = SimpleNamespace(positions=both, velocities=turning, scene=scene)
     found = dict(zip(FEATURES, features(blocks), strict=True))
     assert found["pieces"] == pytest.approx(np.log(2))
