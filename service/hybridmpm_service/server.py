@@ -43,9 +43,9 @@ _GARBAGE = 700, 10, 1
 """Thresholds of the search for circles: a fifth of the usual number of objects between two full ones."""
 _BACKLOG = 1024
 """Number of new connections that may wait for the server."""
-_ACCEPTED = 4
+_ACCEPTED = 1
 """Number of new connections that the event loop takes at once. However many come together, each of its rounds
-lasts some milliseconds, and connections that exist already have their requests read in each."""
+lasts some milliseconds, and those who have a connection go first."""
 _FILES = 100
 """Files of the process itself, of libraries, models, jobs and answers."""
 _FEWEST_CONNECTIONS = 16

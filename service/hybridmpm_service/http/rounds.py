@@ -1,7 +1,7 @@
 """Order in which the event loop does what clients make it do: reading requests, sending large answers.
 
 A crowd of connections would keep the loop busy for long with one round of all of them, and everything else
-waiting for that: frames, timers, the other steps of a call. So each round of the loop does a few pieces, in
+waiting for that: frames, timers, the other steps of a call. So each round of the loop does a piece, in
 turn between addresses, and then between their connections. Connections that have sent no request so far count
 as one: whoever opens a connection for each call waits behind its own calls, and not before those of others.
 """
@@ -13,8 +13,8 @@ from typing import Any
 
 from hybridmpm_service.sessions.turns import Client
 
-_AT_ONCE = 4
-"""Pieces of a round; one takes up to a millisecond."""
+_AT_ONCE = 1
+"""Pieces of a round; one takes up to a millisecond. With more, the steps of other calls wait longer."""
 
 
 class Rounds:
