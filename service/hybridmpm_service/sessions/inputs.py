@@ -128,7 +128,7 @@ class SketchRecord(Strict):
 class Hand(Strict):
     """A local force, as by a hand that moves through the fluid."""
 
-    point: list[Annotated[float, Field(ge=0, le=1)]] = Field(min_length=2, max_length=3)
+    point: list[Annotated[float, Field(ge=0, le=4096)]] = Field(min_length=2, max_length=3)
     """Centre [m]."""
     velocity: list[Annotated[float, Field(ge=-MAX_PUSH_SPEED, le=MAX_PUSH_SPEED)]] = Field(
         min_length=2, max_length=3

@@ -101,6 +101,61 @@ def test_the_floor_of_a_pool_carries_its_weight_and_walls_hold_its_thrust() -> N
     assert series["foot"][1] == pytest.approx(-1000 * G * 0.3**3 / 6, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("body", "area", "tolerance"),
+    [
+        ({"shape": "ball", "center": [0.35, 0.28], "radius": 0.06}, np.pi * 0.06**2, 0.03),
+        # Contact acts on lines a cell apart, and leaves out those at an edge: four cells are few for a face.
+        ({"shape": "box", "lower": [0.3, 0.225], "upper": [0.4, 0.3]}, 0.0075, 0.1),
+    ],
+    ids=["ball", "box"],
+)
+def test_a_held_body_is_lifted_by_the_weight_of_the_water_that_it_displaces(
+    body: dict[str, Any], area: float, tolerance: float
+) -> None:
+    water = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.6, 0.45]}
+    walls = {"lower": [0.1, 0.1], "upper": [0.6, 0.8]}
+    solver = MpmSolver(pool(walls=walls, bodies=[water], obstacles=[body]))
+    solver.advance(400)
+    gauges = {"body": Force(obstacle=0), "floor": Force(wall="y_lower")}
+    series = record(solver, 800, gauges, every=800)
+    lift = float(series["body"][1, 1])
+    assert lift == pytest.approx(1000 * G * area, rel=tolerance)
+    weight = float(solver.mass.sum()) * G
+    assert lift + series["floor"][1, 1] == pytest.approx(-weight, rel=0.002)
+
+
+def test_a_jet_presses_on_a_plate_with_its_momentum() -> None:
+    speed, width = 2.0, 0.08
+    emitter = {
+        "shape": "rectangle",
+        "material": "water",
+        "lower": [0.2, 0.5 - width / 2],
+        "upper": [0.2, 0.5 + width / 2],
+        "velocity": [speed, 0.0],
+    }
+    drains = [{"shape": "box", "lower": [0.1, low], "upper": [0.95, low + 0.1]} for low in (0.05, 0.85)]
+    plate = {"shape": "box", "lower": [0.7, 0.2], "upper": [0.75, 0.8]}
+    walls = {"lower": [0.1, 0.05], "upper": [0.95, 0.95]}
+    scene = pool(64, gravity=[0.0, 0.0], walls=walls, bodies=[], emitters=[emitter])
+    scene = Scene.parse(scene.model_dump(exclude_none=True) | {"sinks": drains, "obstacles": [plate]})
+    solver = MpmSolver(scene)
+    solver.advance(250)
+    force = record(solver, 200, {"plate": Force(obstacle=0)}, every=200)["plate"][1]
+    assert force[0] == pytest.approx(1000 * speed**2 * width, rel=0.05)
+    assert abs(force[1]) < 0.03 * force[0]
+
+
+def test_the_gate_of_the_guide_turns_about_its_hinge_as_the_closed_form_says() -> None:
+    scene = Scene.load(Path(__file__).parents[3] / "docs" / "examples" / "gate.yaml")
+    solver = MpmSolver(scene.model_copy(update={"resolution": 80}))
+    solver.advance(200)
+    gauges = {"gate": Force(obstacle=0), "hinge": Torque(obstacle=0, about=(0.4, 0.0))}
+    series = record(solver, 200, gauges, every=200)
+    assert series["gate"][1, 0] == pytest.approx(1000 * G * 0.25**2 / 2, rel=0.02)
+    assert series["hinge"][1] == pytest.approx(-1000 * G * 0.25**3 / 6, rel=0.03)
+
+
 def test_a_record_reads_means_over_the_frames_between_readings(tmp_path: Path) -> None:
     gauges = {"floor": Force(wall="y_lower"), "foot": Torque(wall="y_lower", about=(0.1, 0.1))}
     fine = record(MpmSolver(pool()), 20, gauges)

@@ -240,6 +240,10 @@ def test_a_stream_of_a_long_world_is_in_metres(client: Client) -> None:
         np.testing.assert_allclose(frame.positions, particles.positions, atol=1.6 / 65535)
         assert frame.positions[:, 0].max() > 1.5
         stream.push([1.3, 0.1], [0.0, 2.0], 1.5)
+        stream.step(20)
+        moved = next(frame for frame in stream.frames() if frame.number == 20)
+        # A problem would have been raised; without the push the block would lie on the floor.
+        assert moved.positions[:, 1].max() > 0.32
     with pytest.raises(ServiceError, match="sketches are for worlds of one metre along each axis"):
         session.steer(ARROW)
 
