@@ -7,6 +7,7 @@ _MODULES = {
     "batch": "speed.solver",
     "control": "control.table",
     "coarse": "compare.lists",
+    "findings": "compare.findings",
     "fit": "fitting.levels",
     "hybrid": "compare.hybrid",
     "models": "compare.lists",
