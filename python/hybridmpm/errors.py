@@ -96,13 +96,6 @@ class RoundedWorldWarning(UserWarning):
     """
 
 
-class FullBoxWarning(UserWarning):
-    """Matter fills the box between its walls, so it has no free surface.
-
-    It runs, and stably, but errors of the density become pressure. The message says how much room to leave.
-    """
-
-
 class SoftMaterialWarning(UserWarning):
     """A material is so soft that its own weight compresses it by a tenth or more.
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from hybridmpm._core import MAX_SUBSTEPS
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import cfl_substeps
-from hybridmpm.mpm.scene_warnings import FULL, SOFT, filled_share, settled_compression
+from hybridmpm.mpm.scene_warnings import SOFT, settled_compression
 from hybridmpm.scene import Scene, Water
 
 COSTLY = 3.0
@@ -18,22 +18,9 @@ UNEQUAL = 100.0
 
 def of_matter(scene: Scene, resolution: int) -> Iterator[Finding]:
     """Yield the findings about the materials of a scene; `resolution` is that of the simulator's grid."""
-    yield from _full(scene)
     yield from _soft(scene)
     yield from _unequal(scene)
     yield from _costly(scene, resolution)
-
-
-def _full(scene: Scene) -> Iterator[Finding]:
-    share = filled_share(scene)
-    if share >= FULL:
-        yield Finding(
-            severity="warning",
-            field="bodies",
-            problem=f"fill {share:.0%} of the box between the walls, so errors of the density turn into "
-            "pressure, and their energy adds up",
-            advice="leave a twentieth of the box free",
-        )
 
 
 def _soft(scene: Scene) -> Iterator[Finding]:

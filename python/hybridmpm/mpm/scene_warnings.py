@@ -4,27 +4,8 @@ import numpy as np
 
 from hybridmpm.scene import Material, Scene, Water
 
-FULL = 0.95
-"""Smallest share of the box that counts as full [-]."""
 SOFT = 0.1
 """Smallest compression of a material by its own weight that counts as too soft [-]."""
-
-
-def filled_share(scene: Scene) -> float:
-    """Return the volume of all bodies over that of the box between the walls [-]; obstacles count as free."""
-    sides = np.subtract(scene.walls.upper, scene.walls.lower)
-    return float(sum(body.measure for body in scene.bodies) / sides.prod())
-
-
-def full_box(scene: Scene) -> str | None:
-    """Return a warning where matter fills the box and has no free surface; None elsewhere."""
-    share = filled_share(scene)
-    if share < FULL:
-        return None
-    return (
-        f"bodies fill {share:.0%} of the box between the walls: without a free surface errors of the density "
-        "turn into pressure, and their energy adds up; leave a twentieth of the box free"
-    )
 
 
 def settled_compression(scene: Scene, material: Material) -> float:

@@ -20,7 +20,6 @@ from hybridmpm.errors import (
     CoarseWarning,
     ConfigError,
     CostlyMaterialWarning,
-    FullBoxWarning,
     RoundedWorldWarning,
     SoftMaterialWarning,
     ThinObstacleWarning,
@@ -29,7 +28,7 @@ from hybridmpm.errors import (
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import native_solver, upsampler_of
 from hybridmpm.mpm.cost import costly_materials
-from hybridmpm.mpm.scene_warnings import full_box, soft_materials
+from hybridmpm.mpm.scene_warnings import soft_materials
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.stepper import MpmStepper
 from hybridmpm.mpm.tearing import WHOLE, largest_piece, torn_bodies
@@ -87,11 +86,9 @@ class MpmSolver(CoarseSimulator):
     Warns
     -----
     ThinObstacleWarning
-        An obstacle is thinner than two grid cells.
+        An obstacle is thinner than half a grid cell.
     CostlyMaterialWarning
         A body is so light or so stiff that each frame takes 200 substeps or more.
-    FullBoxWarning
-        Bodies fill the box between the walls.
     RoundedWorldWarning
         The size of the world is no whole number of grid cells.
     SoftMaterialWarning
@@ -529,8 +526,6 @@ def _warnings_of(scene: Scene) -> Iterator[tuple[type[Warning], str]]:
     """Yield the warnings about a scene that do not depend on the solver."""
     for text in soft_materials(scene):
         yield SoftMaterialWarning, text
-    if (full := full_box(scene)) is not None:
-        yield FullBoxWarning, full
     if (rounded := rounded_up(scene.size, scene.resolution)) is not None:
         yield RoundedWorldWarning, rounded
     for text in scene.thin_obstacles():

@@ -9,7 +9,6 @@ import pytest
 
 from hybridmpm import (
     ConfigError,
-    FullBoxWarning,
     HybridSimulator,
     MpmSolver,
     NeuralPhysics,
@@ -105,7 +104,6 @@ def test_height_and_filling_of_a_pool_are_those_at_rest(settled: probes.TimeSeri
     assert settled["upper half"].mean() < 0.01
 
 
-@pytest.mark.filterwarnings("ignore::hybridmpm.FullBoxWarning")
 def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() -> None:
     body = {"shape": "box", "material": "water", "lower": [0.1, 0.3], "upper": [0.5, 0.55]}
     step = {"shape": "box", "lower": [0.05, 0.05], "upper": [0.5, 0.3]}
@@ -121,8 +119,7 @@ def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() ->
     assert float(deep.probe(HeightGauge([0.2, 0.3]))) == pytest.approx(0.3, abs=0.01)
     full = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.4, 0.4]}
     walls = {"lower": [0.1, 0.1], "upper": [0.4, 0.4]}
-    with pytest.warns(FullBoxWarning):
-        brimming = MpmSolver(Scene.parse({"dim": 2, "resolution": 40, "bodies": [full], "walls": walls}))
+    brimming = MpmSolver(Scene.parse({"dim": 2, "resolution": 40, "bodies": [full], "walls": walls}))
     assert float(brimming.probe(HeightGauge(0.2))) == pytest.approx(0.3, abs=0.003)
 
 
