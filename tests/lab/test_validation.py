@@ -22,7 +22,7 @@ from hybridmpm_lab.validation import (
 from hybridmpm_lab.validation.case import Check, Result
 
 SHORTER: dict[str, Callable[[], Result]] = {
-    "dam_break": lambda: dam_break.run((64, 128)),
+    "dam_break": lambda: dam_break.run((210, 420)),
     "column_collapse": lambda: column_collapse.run((0.5, 4.0), beads=(4.0,)),
     "round_columns": lambda: round_columns.run((1.0,), resolution=64),
     "poured_heap": lambda: poured_heap.run((64,), seeds=1),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Box, Scene, Walls, Water
+from hybridmpm.scene import Box, Scene, Water, World
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, cell_counts, extent, times
 
 # J. C. Martin and W. J. Moyce, "An experimental study of the collapse of liquid columns on a rigid
@@ -55,9 +55,10 @@ _LAST_TAU = 2.45
 """Last time tau at which the height is judged; the front is compared up to the last T of `FRONT`."""
 _MAX_FRONT_ERROR = 0.03
 _MAX_HEIGHT_ERROR = 0.05
-_WIDTH = 0.1875  # width a of the column [m]: 12, 24 and 48 cells
-_LOW = 0.03125
-"""Position of the lower walls [m], on grid lines of all resolutions; the front has room until Z = 5."""
+_WIDTH = 0.05715  # width a of the column [m], that of the experiment: 2.25 in
+_TANK = (0.4, 0.2)
+"""Size of the tank [m]; the front has room until Z = 7."""
+_FRAME_DT = 0.00125  # [s]
 _G = 9.81
 _N = np.sqrt(2.0)
 
@@ -89,23 +90,23 @@ class _Collapse(NamedTuple):
         return float(np.abs(np.interp(tau, self.tau, self.height) - H).max())
 
 
-def run(resolutions: tuple[int, ...] = (64, 128, 256)) -> Result:
-    """Run the collapse at each resolution [cells/m]."""
+def run(resolutions: tuple[int, ...] = (210, 420, 840)) -> Result:
+    """Run the collapse at each resolution [cells/m], at which the column is 12, 24 and 48 cells wide."""
     runs = [_collapse(resolution) for resolution in resolutions]
     return Result(_checks(runs), _panels(runs))
 
 
 def _collapse(resolution: int) -> _Collapse:
-    column = Box(material=Water(), lower=(_LOW, _LOW), upper=(_LOW + _WIDTH, _LOW + 2 * _WIDTH))
-    walls = Walls(lower=(_LOW, _LOW), upper=(1 - _LOW, 1 - _LOW))
-    scene = Scene(dim=2, resolution=resolution, walls=walls, bodies=(column,))
+    column = Box(material=Water(), lower=(0.0, 0.0), upper=(_WIDTH, 2 * _WIDTH))
+    world = World(size=_TANK)
+    scene = Scene(dim=2, world=world, resolution=resolution, frame_dt=_FRAME_DT, bodies=(column,))
     unit = np.sqrt(_WIDTH / _G)
     states = MpmSolver(scene).rollout(int(np.ceil(1.05 * _LAST_TAU * unit / scene.frame_dt)))
-    filled = [cell_counts(x, (_LOW, _LOW), scene) for x in states]
+    filled = [cell_counts(x, (0.0, 0.0), scene) for x in states]
     half_cell = scene.particles_per_cell / 2
     deep = 0.2 * _WIDTH / scene.dx * scene.particles_per_cell
     return _Collapse(
-        size=f"{resolution}^2",
+        size=f"a = {_WIDTH * resolution:.0f} cells",
         tau=times(scene, len(states)) / unit,
         height=np.array([extent(n[0] >= half_cell) for n in filled]) * scene.dx / (2 * _WIDTH),
         front=np.array([extent(n.sum(axis=1) >= half_cell) for n in filled]) * scene.dx / _WIDTH,
