@@ -9,6 +9,7 @@ import numpy as np
 
 from hybridmpm.cli.progress import progress
 from hybridmpm.control import ControlledTrajectory, Guidance, Sketch, follow
+from hybridmpm.control.goal.region import NEAR
 from hybridmpm.decisions import Decision, Mode, Span, spans
 from hybridmpm.recording import Recording
 from hybridmpm.recording.recording import check_size
@@ -42,6 +43,16 @@ class ControlRun:
     def last(self) -> int:
         """Last frame that the sketch led."""
         return self.led.first_frame + self.led.frames
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the goal was reached.
+
+        A learned plan gives the fluid the middle and the extent of an oval, and does not fill it: there the
+        centre of mass decides.
+        """
+        reached = self.led.reached
+        return reached.goal or (self.guidance.method == "learned" and reached.miss <= NEAR)
 
     @property
     def spans(self) -> list[Span]:
