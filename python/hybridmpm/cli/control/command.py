@@ -127,8 +127,8 @@ def control(
     [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres.
 
     Prints the acceleration that the sketch needs and the goal that was reached; with --solver hybrid also the
-    simulator of each frame, and why. The exit status is 1 if the goal is not reached; of a learned plan, which
-    does not fill an oval, if the centre of mass is more than 1 cm off.
+    simulator of each frame, and why. The exit status is 1 if the goal is not reached; of a learned plan,
+    which does not fill an oval, if the centre of mass is more than 1 cm off.
 
     The suffix of each --out FILE decides its content: .npz has positions, forces and simulators of all
     frames, .gif or .mp4 a film with the sketch, .png a picture of the last state, .ply or .vtp the particles
