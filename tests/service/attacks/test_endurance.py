@@ -188,7 +188,7 @@ def careless(crowd: Crowd) -> None:
         with crowd.stream(links) as stream:
             stream.send(json.dumps({"type": "play"}))
             crowd.pause(0.2)
-        # It expires after five seconds; more of them would meet the limit.
+        # It expires after three seconds; more of them would meet the limit.
         crowd.pause(2.0)
 
 
@@ -234,7 +234,7 @@ KINDS = [honest, careless, silent, sleeping, flooding]
     "seconds", [1.0, pytest.param(300.0, marks=[pytest.mark.long, pytest.mark.timeout(1800)])]
 )
 def test_clients_that_come_and_go_leave_nothing(seconds: float) -> None:
-    with running("--idle-seconds", "5", "--send-seconds", "0.5") as server:
+    with running("--idle-seconds", "3", "--send-seconds", "0.5") as server:
         _come_and_go(server, seconds)
 
 
