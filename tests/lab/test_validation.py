@@ -13,6 +13,7 @@ from hybridmpm_lab.validation import (
     colliding_discs,
     column_collapse,
     dam_break,
+    floating,
     poured_heap,
     rotation,
     round_columns,
@@ -26,6 +27,7 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "column_collapse": lambda: column_collapse.run((0.5, 4.0), beads=(4.0,)),
     "round_columns": lambda: round_columns.run((1.0,), resolution=64),
     "poured_heap": lambda: poured_heap.run((64,), seeds=1),
+    "floating": lambda: floating.run((64,), (300.0,)),
     "sliding_block": lambda: sliding_block.run((32,)),
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),
@@ -40,7 +42,7 @@ LONGER: dict[str, Callable[[], Result]] = {
 """Cases at full length whose short form leaves much out, or that the default tests sample."""
 
 
-SLOW = ("column_collapse", "poured_heap", "rotation", "round_columns")
+SLOW = ("column_collapse", "floating", "poured_heap", "rotation", "round_columns")
 """Cases whose short form takes three seconds or more."""
 
 

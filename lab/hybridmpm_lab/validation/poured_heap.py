@@ -53,4 +53,5 @@ def _slope(repose: float, resolution: int, seed: int) -> float:
     solver.advance(int((_AREA / _WIDTH / _SPEED + _REST) / scene.frame_dt))
     height = float(solver.positions[:, 1].mean(dtype=np.float64)) - _FLOOR
     # A wedge of slope s has its centre at a third of its height h, and the area h^2 / s.
-    return float(np.degrees(np.arctan(9 * height**2 / (solver.particle_count * scene.spacing**2))))
+    area = solver.diagnostics().emitted_mass / emitter.material.density
+    return float(np.degrees(np.arctan(9 * height**2 / area)))

@@ -1,4 +1,4 @@
-"""The correction of volumes adds no energy; water at one particle a cell is left out."""
+"""The correction of volumes adds no energy."""
 
 import pytest
 
@@ -10,10 +10,8 @@ def energy(solver: MpmSolver) -> float:
     return found.kinetic_energy + found.potential_energy + found.elastic_energy
 
 
-@pytest.mark.parametrize(
-    ("kind", "per_cell"),
-    [*[("sand", count) for count in (1, 2, 4, 9)], *[("water", count) for count in (2, 4, 9)]],
-)
+@pytest.mark.parametrize("kind", ["sand", "water"])
+@pytest.mark.parametrize("per_cell", [1, 2, 4, 9])
 def test_a_block_that_creeps_into_a_corner_gains_no_energy(kind: str, per_cell: int) -> None:
     block = Box(material=kind, lower=(0.11, 0.73), upper=(0.2, 0.9), velocity=(0.0225, 0.045))
     scene = Scene(dim=2, resolution=64, particles_per_cell=per_cell, gravity=(0, 0), bodies=[block])
@@ -25,9 +23,10 @@ def test_a_block_that_creeps_into_a_corner_gains_no_energy(kind: str, per_cell: 
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_sparse_sand_that_is_dropped_gains_no_energy(dim: int) -> None:
+@pytest.mark.parametrize("kind", ["sand", "water"])
+def test_sparse_matter_that_is_dropped_gains_no_energy(kind: str, dim: int) -> None:
     lower, upper = (0.3, 0.15, 0.3)[:dim], (0.6, 0.4, 0.5)[:dim]
-    block = Box(material="sand", lower=lower, upper=upper, velocity=(1.0, -1.0, 0.5)[:dim])
+    block = Box(material=kind, lower=lower, upper=upper, velocity=(1.0, -1.0, 0.5)[:dim])
     solver = MpmSolver(Scene(dim=dim, resolution=32, particles_per_cell=1, bodies=[block]))
     start = energy(solver)
     for _ in range(60):

@@ -49,7 +49,7 @@ const CROWDING: Rate = Rate {
 const VOID_TOLERANCE: f32 = 0.03;
 /// Matter with less volume [-] around it is spray: it is meant to be apart.
 const SPRAY: f32 = 0.5;
-/// Volume of a particle [cells] above which excess density within single cells is mostly noise of the particles' places.
+/// Volume of a particle [cells] above which excess density is mostly noise of the particles' places.
 /// Such matter gains pressure only as far as the strain within its cell pays for it; else it would gain energy.
 const SPARSE: f32 = 0.4;
 /// Crowding [-] that is no contradiction.
@@ -122,7 +122,6 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
             };
             let held = self.material.volumes(&block.state);
             let cell = self.grid.layout.dx().powi(D as i32);
-            let pays = self.material.crowds_within_cells();
             let strain_rate = strain_rate(&block.affine);
             let mut correction = Correction {
                 pressure: [0.0; LANES],
@@ -142,7 +141,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
                 let expansion = VOID.part(strain_rate[i], self.dt) * void
                     - CROWDING.part(strain_rate[i], self.dt) * crowding;
                 correction.expansion[i] = expansion;
-                if pays && expansion < 0.0 && block.volume[i] > SPARSE * cell {
+                if expansion < 0.0 && block.volume[i] > SPARSE * cell {
                     // The affine velocity over a cell has the energy m / 2 dx^2 / 4 D : D.
                     let modulus = self.material.bulk_modulus();
                     let across = 0.5 * self.grid.layout.dx() * strain_rate[i];
