@@ -27,7 +27,8 @@ LIMITS = {
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
     # 60 lines pour heaps of sand, whose slope no other case shows.
-    "laboratory": (("lab/**.py",), 8_470),
+    # 60 lines let bodies float.
+    "laboratory": (("lab/**.py",), 8_530),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost.
     "service": (("service/**.py",), 9_800),

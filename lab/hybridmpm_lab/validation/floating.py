@@ -54,6 +54,6 @@ def _shares(shape: str, density: float, resolution: int) -> Floats:
     solver.advance(int(_SETTLE / solver.scene.frame_dt))
     (depths,) = recorded(solver, int(_MEAN / solver.scene.frame_dt) // _EVERY, depth, every=_EVERY)[1]
     if shape == "box":
-        return (1 + depths) / 2
+        return np.asarray((1 + depths) / 2)
     depths = np.clip(depths, -1, 1)
     return np.asarray(1 - (np.arccos(depths) - depths * np.sqrt(1 - depths**2)) / np.pi)
