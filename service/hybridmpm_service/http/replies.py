@@ -47,7 +47,7 @@ def preferred(request: Request, *others: str) -> str:
         for specificity, name in ((3, media_type), (2, f"{kind}/*"), (1, "*/*")):
             for place, (given, quality) in enumerate(ranges):
                 if given == name:
-                    return quality, specificity, -place
+                    return (quality, specificity, -place) if quality else (0.0, 0, 0)
         return 0.0, 0, 0
 
     return max((JSON, *others), key=rank)

@@ -73,6 +73,8 @@ def test_nan_is_null_in_json() -> None:
         ([f"{JSON}, {NPZ};q=0.1"], JSON),
         ([f"{JSON};q=0.1, {NPZ}"], NPZ),
         ([f"{NPZ};q=0, */*"], JSON),
+        ([f"{NPZ};q=0"], JSON),
+        ([f"{JSON};q=0, {NPZ};q=0.0"], JSON),
         ([f"{JSON};q=0, */*;q=0.5"], NPZ),
         ([f"{NPZ}, */*"], NPZ),
         ([f"*/*, {VTP}"], VTP),
