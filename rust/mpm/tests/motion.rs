@@ -309,7 +309,7 @@ fn a_snapshot_in_the_middle_of_a_motion_goes_on_with_the_same_bits() {
 #[test]
 fn threads_do_not_change_the_result() {
     let (_, mut settings) = machine();
-    settings.resolution = 128;
+    (settings.resolution, settings.cells) = (128, [128; 2]);
     let bodies = Bodies::default().block(128, [0.25, 0.1], [0.59, 0.5], [0.0, 0.0], 0);
     assert!(
         bodies.material.len() > 8192,
