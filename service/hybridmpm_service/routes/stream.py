@@ -186,16 +186,21 @@ async def _execute(command: Command, session: Session, mailbox: Mailbox, limits:
         case Speed(value=value):
             session.set_speed(value)
         case PushFluid():
-            session.push(_push(command, session.scene.dim), by=mailbox)
+            session.push(_push(command, session.scene.size), by=mailbox)
         case EndPush():
             session.push(None, by=mailbox)
 
 
-def _push(command: PushFluid, dim: int) -> Push:
+def _push(command: PushFluid, size: tuple[float, ...]) -> Push:
+    dim = len(size)
     for name in ("point", "velocity"):
         given = len(getattr(command, name))
         if given != dim:
             raise FieldError(name, f"must have {dim} numbers in this session, got {given}")
+    for axis, (x, length) in enumerate(zip(command.point, size, strict=True)):
+        if x > length:
+            text = f"must be less than or equal to {length:g}, got {x:g}"
+            raise FieldError(f"point[{axis}]", text)
     return push(command.point, command.velocity, command.radius, cap=command.cap)
 
 
