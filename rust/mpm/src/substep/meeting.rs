@@ -111,7 +111,11 @@ impl Meeting {
                 self.fill_per_mass[usize::from(of[i])]
             }
         });
-        let touch = if self.flows && of[0] == 0 { TOUCH_FLOW } else { TOUCH };
+        let touch = if self.flows && of[0] == 0 {
+            TOUCH_FLOW
+        } else {
+            TOUCH
+        };
         if gap(mass[0] * per_mass[0]) + gap(mass[1] * per_mass[1]) > touch {
             return;
         }

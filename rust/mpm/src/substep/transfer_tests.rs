@@ -10,7 +10,7 @@ use crate::boundary::{
     Bounds, Contact, ContactKind, MaterialFriction, Obstacles, Reactions, WallContact, Walls,
 };
 use crate::force::FrameForce;
-use crate::grid::Grid;
+use crate::grid::{Grid, Layout};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
 use crate::particles::{Activity, Group, MaterialGroup, Particle, Sorter, bands};

@@ -52,7 +52,7 @@ fn samples<const D: usize>(matrix: Matrix<D>) -> Vec<Sample<D>> {
 
 fn check_affine<const D: usize>() {
     let matrix = Matrix::<D>::from_fn(|row, column| 0.02 * (row as f32 - 0.7 * column as f32));
-    let mut field = Field::new(RESOLUTION);
+    let mut field = Field::new(Layout::unit(RESOLUTION));
     let (team, gravity) = (Team::new(1).unwrap(), Vector::zeros());
     let start = scattered::<D>(100, 0.4, 0.2);
     // The second field must not contain the first.
@@ -77,7 +77,7 @@ fn an_affine_motion_is_interpolated_exactly() {
 
 #[test]
 fn particles_away_from_coarse_ones_fly_freely() {
-    let mut field = Field::<2>::new(RESOLUTION);
+    let mut field = Field::<2>::new(Layout::unit(RESOLUTION));
     field.scatter(&samples(Matrix::zeros()));
     let (team, gravity) = (Team::new(1).unwrap(), Vector::<2>::new(0.0, -10.0));
     let mut far = blocks(&scattered::<2>(20, 0.8, 0.02));
@@ -175,7 +175,7 @@ fn bits_depend_neither_on_threads_nor_on_instructions() {
     for set in Instructions::ALL.into_iter().filter(|set| set.available()) {
         set.limit();
         for threads in [1, 2, 3] {
-            let mut field = Field::<3>::new(RESOLUTION);
+            let mut field = Field::<3>::new(Layout::unit(RESOLUTION));
             field.scatter(&samples(Matrix::from_element(0.03)));
             let team = Team::new(threads).unwrap();
             let mut shown = blocks(&dense);

@@ -6,7 +6,7 @@ use super::lanes::{PRESSURE, SHARING, SMOOTH, VOLUME};
 use super::smooth::{smooth_across_planes, smooth_planes};
 use super::spread::{empty, spread};
 use crate::boundary::{Contact, ContactKind, Obstacle, Obstacles, Shape, Walls};
-use crate::grid::{Grid, Window};
+use crate::grid::{Grid, Layout, Window};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
 use crate::particles::{Activity, Group, MaterialGroup, Particle, Slab, Sorter, bands};
