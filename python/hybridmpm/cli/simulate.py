@@ -249,7 +249,7 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
         line += f", {len(solver.redone_frames)} frames done again at the safe step"
     if isinstance(solver, AutoSolver):
         levels = [solver.plan.name, *(f"{one.after} from frame {one.frame}" for one in solver.changes)]
-        line += f"; coarse level {', '.join(levels)}"
+        line += f"; method {', '.join(levels)}"
     if solver.log:
         line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
     mass = solver.mass.sum(dtype=np.float64)
