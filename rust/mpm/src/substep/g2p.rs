@@ -51,18 +51,25 @@ pub struct OwnView<'a> {
     pub field: u16,
 }
 
+/// Solids that particles are kept out of.
+#[derive(Clone, Copy)]
+pub struct Solids<'a, const D: usize> {
+    pub bounds: &'a Bounds<D>,
+    pub obstacles: &'a Obstacles<D>,
+}
+
 /// Updates blocks of one group from the nodes' velocities, over a substep of `dt` [s].
 pub fn g2p<const D: usize, M: Constitutive<D>>(
     blocks: &mut [Block<D, M::State>],
     material: &M,
     friction: f32,
     nodes: Nodes<'_, D>,
-    bounds: &Bounds<D>,
-    obstacles: &Obstacles<D>,
+    solids: Solids<'_, D>,
     reactions: &mut Reactions<D>,
     dt: f32,
 ) -> Outcome {
     let Nodes { grid, own } = nodes;
+    let Solids { bounds, obstacles } = solids;
     run_wide(GatherBlocks {
         blocks,
         material,

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::g2p::{Nodes, Outcome, OwnView, g2p};
+use super::g2p::{Nodes, Outcome, OwnView, Solids, g2p};
 use super::grid_update::{GridForces, act_across, act_by_walls, grid_update};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
@@ -255,7 +255,10 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         substep: &Substep<'_, D>,
         reactions: &mut Reactions<D>,
     ) -> Outcome {
-        let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
+        let solids = Solids {
+            bounds: substep.bounds,
+            obstacles: substep.forces.obstacles,
+        };
         let awake = &mut self.awake(slab);
         let cut = |part: usize| part * awake.len() / parts;
         let range = cut(part)..cut(part + 1);
@@ -270,8 +273,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
             material,
             friction,
             Nodes { grid, own },
-            bounds,
-            obstacles,
+            solids,
             reactions,
             substep.step.dt,
         )
