@@ -41,6 +41,9 @@ _SWITCH_SECONDS = 0.0005
 """Time after which a thread lets another one run Python code [s]; by default ten times as long."""
 _GARBAGE = 700, 10, 1
 """Thresholds of the search for circles: a fifth of the usual number of objects between two full ones."""
+_KEEP_SECONDS = 15
+"""Time for which a connection is kept between two requests [s]: clients give theirs up earlier, so that none
+sends a request while its connection ends."""
 _BACKLOG = 1024
 """Number of new connections that may wait for the server."""
 _ACCEPTED = 1
@@ -184,6 +187,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         ws=stream_protocol(app.state.settings, app.state.rounds),
         http=request_protocol(app.state.settings, app.state.rounds),
         backlog=_ACCEPTED,
+        timeout_keep_alive=_KEEP_SECONDS,
         # Sessions belong to this process, so there is only one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,

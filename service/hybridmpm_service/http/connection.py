@@ -228,6 +228,8 @@ class RequestProtocol(H11Protocol):
 
         if not self.rounds.do(_client(self.client, is_first=is_first), read):
             self.transport.pause_reading()
+            # It is not the client that is late now.
+            self._relax()
 
     def _read_part(self, data: bytes) -> None:
         """Read a part of a request; start or end its deadline."""

@@ -2,8 +2,9 @@
 
 A crowd of connections would keep the loop busy for long with one round of all of them, and everything else
 waiting for that: frames, timers, the other steps of a call. So each round of the loop does a piece, in
-turn between addresses, and then between their connections. Connections that have sent no request so far count
-as one: whoever opens a connection for each call waits behind its own calls, and not before those of others.
+turn between addresses, then between their connections that are new and those that have sent a request before,
+and then between these: whoever opens a connection for each call waits behind its own calls, and not before
+those of others.
 """
 
 import asyncio
@@ -21,7 +22,7 @@ class Rounds:
     """Pieces of work that wait for a round of the event loop. Belongs to the event loop."""
 
     def __init__(self) -> None:
-        self._waiting: dict[str, dict[int, deque[Callable[[], object]]]] = {}
+        self._waiting: dict[str, dict[bool, dict[int, deque[Callable[[], object]]]]] = {}
         self._left = _AT_ONCE
         self._handle: asyncio.Handle | None = None
 
@@ -35,7 +36,8 @@ class Rounds:
             self._schedule()
             work()
             return True
-        connections = self._waiting.setdefault(client.address, {})
+        kinds = self._waiting.setdefault(client.address, {})
+        connections = kinds.setdefault(client.connection == 0, {})
         connections.setdefault(client.connection, deque()).append(work)
         self._schedule()
         return False
@@ -61,13 +63,13 @@ class Rounds:
 
     def _next(self) -> Callable[[], object]:
         """Return the first piece of the client whose turn it is; its next turn comes after all others."""
-        connections = _rotated(self._waiting)
+        kinds = _rotated(self._waiting)
+        connections = _rotated(kinds)
         pieces = _rotated(connections)
         work: Callable[[], object] = pieces.popleft()
-        if not pieces:
-            connections.popitem()
-        if not connections:
-            self._waiting.popitem()
+        for inner, outer in ((pieces, connections), (connections, kinds), (kinds, self._waiting)):
+            if not inner:
+                outer.popitem()
         return work
 
 

@@ -20,11 +20,12 @@ async def test_a_crowd_takes_turns_with_others_and_its_new_connections_count_as_
             rounds.do(client, lambda number=number: done.append(f"{name}{number}"))  # type: ignore[misc]
 
     add(Client("crowd"), 104, "new")
-    add(Client("crowd", 1), 3, "known")
+    add(Client("crowd", 1), 2, "known")
+    add(Client("crowd", 2), 1, "third")
     add(Client("other", 1), 2, "other")
     await until(lambda: len(done) == 109)
     assert done[0] == "new0", "the first one does not wait"
-    waiting = ["new1", "other0", "known0", "other1", "new2", "known1", "new3", "known2"]
+    waiting = ["new1", "other0", "known0", "other1", "new2", "third0", "new3", "known1"]
     assert done[1:] == [*waiting, *(f"new{number}" for number in range(4, 104))]
 
 
