@@ -245,7 +245,7 @@ def test_simulate_keeps_a_budget_and_tells_its_level() -> None:
     command = ["simulate", "water_2d", "--frames", "4", "--budget-ms", "0.2"]
     result = CliRunner().invoke(cli, command)
     assert result.exit_code == 0, result.output
-    assert f"; coarse level {plan(scenarios.water_2d(0), budget_ms=0.2).name}" in result.output
+    assert f"; method {plan(scenarios.water_2d(0), budget_ms=0.2).name}" in result.output
     for more, said in ((["--coarse", "1/16"], "drop '--coarse'"), (["--save", "a.hmpm"], "--out")):
         result = CliRunner().invoke(cli, [*command, *more])
         assert result.exit_code == 2
