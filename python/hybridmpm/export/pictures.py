@@ -34,7 +34,7 @@ def write_strip(path: Path, recording: Recording, view: View, count: int) -> Non
 def write_gif(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
     """Write a film that repeats without end, 50 pictures a second.
 
-    Each picture is written before the next one is drawn; Pillow would keep them all, in megabytes each.
+    Each picture is written before the next one is drawn; Pillow would keep them all until the last.
     """
     before: npt.NDArray[np.uint8] | None = None
     with path.open("wb") as file:
