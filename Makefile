@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate clean
+.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate web clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -54,6 +54,9 @@ bench: dev ## time the solver on one thread
 
 validate: dev ## compare the solver with experiments and closed forms, and renew docs/results/validation
 	$(BIN)/python -m hybridmpm_lab validate --out docs/results/validation
+
+web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names what it needs
+	rust/web/build.sh
 
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist

@@ -78,6 +78,7 @@ if _TYPE_CHECKING:
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
     from hybridmpm.planner import AutoSolver, CalibrationWarning, Plan, plan
+    from hybridmpm.playing import play
     from hybridmpm.simulators import load
 
 __all__ = [
@@ -153,6 +154,7 @@ __all__ = [
     "physics",
     "plan",
     "planner",
+    "play",
     "probes",
     "radius_graph",
     "recording",
@@ -172,6 +174,7 @@ _NAMES_ON_DEMAND = {
     "check": "checking",
     "load": "simulators",
     "plan": "planner",
+    "play": "playing",
 }
 """Room that has each name."""
 

@@ -780,6 +780,8 @@ class Solver:
     def diagnostics(self) -> Diagnostics: ...
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
+    def start(self) -> bytes:
+        """Return settings and state, from which the WebAssembly module goes on with the same bits."""
     def restore(self, data: bytes) -> None:
         """Take the state of `data`, which must come from a solver of the same scene.
 

@@ -1,5 +1,6 @@
 """`Simulator`: the interface of all simulators."""
 
+import hashlib
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -28,6 +29,14 @@ Kind = Literal["mpm", "neural", "hybrid"]
 MAX_FRAMES_AT_ONCE = 1_000_000
 
 _Floats = npt.NDArray[np.float32]
+
+
+def digest_of(ids: npt.NDArray[np.uint64], positions: _Floats, velocities: _Floats) -> str:
+    """Return the SHA-256 of ids (uint64), positions and velocities (float32), little-endian, one by one."""
+    digest = hashlib.sha256(ids.astype("<u8").tobytes())
+    for array in (positions, velocities):
+        digest.update(array.astype("<f4").tobytes())
+    return digest.hexdigest()
 
 
 class Simulator(ABC):
@@ -175,6 +184,10 @@ class Simulator(ABC):
     @abstractmethod
     def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
+
+    def digest(self) -> str:
+        """Return the digest of the present state, as `digest_of` does; playing pages and session logs have it, too."""
+        return digest_of(self.ids, self.positions, self.velocities)
 
     def probe(self, probe: Probe) -> npt.NDArray[np.float64]:
         """Return the reading of a probe of `hybridmpm.probes` at this instant.

@@ -27,6 +27,7 @@ from hybridmpm.coarse import coarse_table
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
 from hybridmpm.planner import AutoSolver
+from hybridmpm.playing import play
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
@@ -89,6 +90,13 @@ from hybridmpm.simulator import Kind, Simulator
 @width_option(640)
 @speed_option
 @click.option(
+    "--text",
+    "text_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Text beside the picture of an .html page: paragraphs, and headings that begin with #.",
+)
+@click.option(
     "--strip",
     type=click.IntRange(1, 12),
     default=1,
@@ -116,17 +124,23 @@ def simulate(
     save_file: Path | None,
     width: int,
     speed: float,
+    text_file: Path | None,
     strip: int,
 ) -> None:
     """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or continue with --resume.
 
     The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
     a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
-    %04d in it stands for a series of numbered files, one for each recorded state. Without --out and --save
-    the run is timed, and nothing of it is kept.
+    %04d in it stands for a series of numbered files, one for each recorded state. An .html is a page that
+    plays the simulation from its first state in any browser. Without --out and --save the run is timed, and
+    nothing of it is kept.
     """
     style = export.Style(width=width, speed=speed, strip=strip)
+    pages = [target for target in targets if target.suffix.lower() in (".html", ".htm")]
+    targets = tuple(target for target in targets if target not in pages)
     check_targets(targets)
+    if text_file is not None and not pages:
+        raise click.UsageError("--text is for a page that plays: give --out FILE.html, too.")
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
     if resume_file is not None:
@@ -151,6 +165,10 @@ def simulate(
             settings["model"] = model_for(model, scenario)
         given = {name: value for name, value in settings.items() if name in taken}
         solver = simulators.make(kind, scene, threads=threads, **given)
+    for page in pages:
+        _write_page(solver, page, scenario or (scene_file or page).stem, text_file)
+    if pages and not targets and save_file is None:
+        return
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
@@ -172,6 +190,14 @@ def simulate(
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
         _write(target, recording, style)
+
+
+def _write_page(solver: Simulator, file: Path, name: str, text_file: Path | None) -> None:
+    if not isinstance(solver, MpmSolver):
+        raise click.UsageError(f"--out {file}: a page plays MPM alone; drop --solver and --budget-ms.")
+    text = "" if text_file is None else text_file.read_text(encoding="utf-8")
+    play(solver, file, name=solver.scene.name or name, text=text)
+    click.echo(f"wrote {file}: {file.stat().st_size / 1e6:.2f} MB, plays in any browser")
 
 
 def _what_is_discarded(frames: int, name: str) -> str:

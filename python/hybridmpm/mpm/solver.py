@@ -446,6 +446,10 @@ class MpmSolver(CoarseSimulator):
         self._update_shown()
         return self._stepper.snapshot()
 
+    def start_file(self) -> bytes:
+        """Return settings and present state of the particles simulated, as a playing page begins with them."""
+        return self._stepper.solver.start()
+
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene.
 

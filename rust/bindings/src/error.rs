@@ -135,7 +135,7 @@ impl From<NativeError> for PyErr {
                 StepSizeError::new_err(message)
             }
             MpmError::Cancelled { .. } => FrameCancelledError::new_err(message),
-            MpmError::Snapshot { .. } => snapshot_error(message),
+            MpmError::Snapshot { .. } | MpmError::Start { .. } => snapshot_error(message),
         }
     }
 }

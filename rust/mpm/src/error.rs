@@ -75,6 +75,9 @@ pub enum MpmError {
     /// Bytes that are no snapshot of this scene.
     #[error("snapshot refused: {reason}")]
     Snapshot { reason: String },
+    /// Bytes that are no start file.
+    #[error("start file refused: {reason}")]
+    Start { reason: String },
 }
 
 impl MpmError {

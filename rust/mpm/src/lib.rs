@@ -18,6 +18,7 @@ mod particles;
 mod settings;
 mod snapshot;
 mod solver;
+mod start;
 mod state;
 mod substep;
 mod upsampling;
@@ -29,7 +30,7 @@ pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;
 pub use initial::Particles;
-pub use linalg::{Instructions, Matrix, Svd, Vector, svd};
+pub use linalg::{Instructions, Matrix, Svd, Vector, products_are_fused, svd};
 pub use material::Material;
 pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};
@@ -37,6 +38,7 @@ pub use particles::Sleep;
 pub use settings::SolverSettings;
 pub use snapshot::SNAPSHOT_VERSION;
 pub use solver::{CancelFlag, MotionReport, PrescribeOptions, Solver};
+pub use start::START_VERSION;
 pub use substep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, Substeps, cfl_substeps, reference_substeps,
 };

@@ -7,9 +7,10 @@ use crate::material::Material;
 use crate::openings::Openings;
 use crate::particles::Sleep;
 use crate::substep::Substeps;
+use serde::{Deserialize, Serialize};
 
 /// Everything about a scene but its particles.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SolverSettings<const D: usize> {
     /// Grid cells per metre.
     pub resolution: usize,

@@ -1,6 +1,5 @@
 """Computing a session again, from its file or from its log."""
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,6 @@ from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
-from hybridmpm_service.sessions.view import Particles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +25,7 @@ class SessionLog:
     inputs: Inputs
     """All inputs, in the order in which they acted."""
     digest: str
-    """Digest of the state at the present frame, as `digest_of` returns it."""
+    """Digest of the state at the present frame, as `Particles.digest` returns it."""
 
 
 @dataclass(frozen=True)
@@ -56,15 +54,7 @@ def log_of(origin: Origin, simulation: Simulation) -> SessionLog:
             f"the session has had more than {MAX_INPUTS} inputs since frame 0, and no longer has a log; "
             "a reset begins a new one"
         )
-    return SessionLog(origin=origin, frame=particles.frame, inputs=inputs, digest=digest_of(particles))
-
-
-def digest_of(particles: Particles) -> str:
-    """Return the SHA-256 of ids (uint64), positions and velocities (float32), little-endian, one by one."""
-    digest = hashlib.sha256(particles.ids.astype("<u8").tobytes())
-    for array in (particles.positions, particles.velocities):
-        digest.update(array.astype("<f4").tobytes())
-    return digest.hexdigest()
+    return SessionLog(origin=origin, frame=particles.frame, inputs=inputs, digest=particles.digest())
 
 
 def why_unlike(made_by: Versions, now: Versions) -> str | None:
@@ -254,7 +244,7 @@ def revived_from_log(
     simulation.journal = Journal(log.inputs, sketches=max(numbers, default=0), pending=len(log.inputs))
     replay(simulation, log.inputs, log.frame, check=check)
     notice = None
-    if digest_of(simulation.particles()) != log.digest:
+    if simulation.particles().digest() != log.digest:
         unlike = why_unlike(origin.versions, present.versions)
         reason = unlike or "the log was changed, or made where arithmetic differs"
         notice = f"The state is not the one that the log ends with: {reason}."

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.probes import PressureSamples
 from hybridmpm.scene import WallFaces
-from hybridmpm.simulator import Simulator
+from hybridmpm.simulator import Simulator, digest_of
 from hybridmpm.stream_frames import Frame, FrameMessage, Population
 
 _Floats = npt.NDArray[np.float64]
@@ -190,6 +190,10 @@ class Particles:
     """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
     ids: npt.NDArray[np.uint64]
     """Permanent numbers (N,) of the particles, ascending."""
+
+    def digest(self) -> str:
+        """Return the digest of the state, which is that of the simulator."""
+        return digest_of(self.ids, self.positions, self.velocities)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,6 @@ from hybridmpm_service import Settings
 from hybridmpm_service.errors import SessionNotFoundError
 from hybridmpm_service.sessions import session_file
 from hybridmpm_service.sessions.manager import SessionManager
-from hybridmpm_service.sessions.revival import digest_of
 from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.viewers import Mailbox
 
@@ -52,7 +51,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         session.push(None, by=hand)
         await session.steer(OVAL, most=400, hold=10)
         await session.advance(3)
-        digests.append(digest_of(simulation.particles()))
+        digests.append(simulation.particles().digest())
         with closing(sqlite3.connect(folder / "live" / f"{session.id}.session")) as database:
             database.execute(f"VACUUM INTO '{left}'")
         await manager.close()
@@ -70,7 +69,7 @@ def _revive(folder: Path) -> tuple[dict[str, str], dict[str, str]]:
     async def play() -> None:
         manager = SessionManager(Settings(max_load=64.0, state_folder=str(folder)))
         await manager.revive()
-        found.update({one.id: digest_of(one.simulation.particles()) for one in manager.all()})
+        found.update({one.id: one.simulation.particles().digest() for one in manager.all()})
         for name in names:
             try:
                 manager.get(name)

@@ -369,6 +369,13 @@ impl PySolver {
         Ok(PyBytes::new(py, &data))
     }
 
+    fn start<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let data = self
+            .held
+            .detached(py, |any| with_any!(any, solver => solver.start()))?;
+        Ok(PyBytes::new(py, &data))
+    }
+
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
         let result = self
             .held

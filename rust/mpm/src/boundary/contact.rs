@@ -2,9 +2,10 @@
 
 use crate::error::MpmError;
 use crate::linalg::Vector;
+use serde::{Deserialize, Serialize};
 
 /// How material meets a wall or an obstacle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ContactKind {
     /// No relative motion.
     Sticky,
@@ -15,7 +16,7 @@ pub enum ContactKind {
 }
 
 /// A kind of contact with its friction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
     pub kind: ContactKind,
     /// Coulomb coefficient of separating contact; None takes the material's own.
@@ -46,12 +47,35 @@ impl Contact {
 }
 
 /// Positions of the walls [m] and their surfaces.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Walls<const D: usize> {
     pub lower: Vector<D>,
     pub upper: Vector<D>,
     /// Surfaces of the lower and the upper wall across each axis.
+    #[serde(with = "each_axis")]
     pub contacts: [[Contact; 2]; D],
+}
+
+/// Surfaces as a list: serde has no arrays of generic length.
+mod each_axis {
+    use super::Contact;
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::{Serialize, Serializer};
+
+    pub fn serialize<S: Serializer, const D: usize>(
+        contacts: &[[Contact; 2]; D],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        contacts.as_slice().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, T: Deserializer<'de>, const D: usize>(
+        deserializer: T,
+    ) -> Result<[[Contact; 2]; D], T::Error> {
+        let list = Vec::deserialize(deserializer)?;
+        let count = |list: Vec<_>| Error::invalid_length(list.len(), &"two surfaces for each axis");
+        list.try_into().map_err(count)
+    }
 }
 
 impl<const D: usize> Walls<D> {

@@ -2,9 +2,10 @@
 
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
+use serde::{Deserialize, Serialize};
 
 /// Motion back and forth instead of on and on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Swing {
     /// Time of one swing there and back [s].
     pub period: f32,
@@ -17,7 +18,7 @@ pub struct Swing {
 /// With the clock s(t) = t, or s(t) = T / (2 pi) (sin(2 pi (t / T + phase)) - sin(2 pi phase)) where it
 /// swings with the period T, the centre has moved by `velocity` s and the solid has turned about it by
 /// exp(W s), W being the matrix of the angular velocity.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Motion<const D: usize> {
     /// Velocity of the centre [m/s]; the largest one where the motion swings.
     velocity: Vector<D>,
@@ -81,7 +82,7 @@ impl<const D: usize> Motion<D> {
         let (clock, rate) = self.clock(time);
         // Rodrigues' formula; it is also valid in the plane, where W^2 is -w^2 I.
         let angular_speed = self.angular_speed();
-        let (sine, cosine) = (angular_speed * clock).sin_cos();
+        let (sine, cosine) = libm::sincos(angular_speed * clock);
         let (first, second) = if angular_speed > 0.0 {
             (sine / angular_speed, (1.0 - cosine) / angular_speed.powi(2))
         } else {
@@ -124,7 +125,7 @@ impl<const D: usize> Motion<D> {
         let turns = |t: f64| std::f64::consts::TAU * (t / f64::from(period) + f64::from(phase));
         let reach = f64::from(period) / std::f64::consts::TAU;
         let (now, start) = (turns(time), turns(0.0));
-        (reach * (now.sin() - start.sin()), now.cos())
+        (reach * (libm::sin(now) - libm::sin(start)), libm::cos(now))
     }
 }
 

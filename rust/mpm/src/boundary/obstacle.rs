@@ -5,6 +5,7 @@ use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
 use crate::error::MpmError;
 use crate::linalg::Vector;
+use serde::{Deserialize, Serialize};
 
 /// A face counts as on a wall up to this distance from it [lengths of the world].
 const ON_WALL: f32 = 1.0e-6;
@@ -12,7 +13,7 @@ const ON_WALL: f32 = 1.0e-6;
 const FAR: f32 = 2.0;
 
 /// A solid: its shape, contact and motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Obstacle<const D: usize> {
     /// The solid at time 0.
     pub shape: Shape<D>,

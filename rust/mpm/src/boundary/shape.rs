@@ -2,9 +2,10 @@
 
 use crate::error::MpmError;
 use crate::linalg::Vector;
+use serde::{Deserialize, Serialize};
 
 /// Geometry of a solid [m].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Shape<const D: usize> {
     Ball {
         center: Vector<D>,

@@ -7,7 +7,11 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use super::quad::{Portable, Quad};
+#[cfg(not(target_arch = "wasm32"))]
+use super::quad::Portable as Baseline;
+use super::quad::Quad;
+#[cfg(target_arch = "wasm32")]
+use super::wasm::Simd128 as Baseline;
 #[cfg(target_arch = "x86_64")]
 use super::x86::{Avx2, Avx512};
 
@@ -67,10 +71,18 @@ impl Instructions {
     }
 }
 
+/// Whether products that are added are rounded once, on which the bits depend. WebAssembly leaves it to the processor.
+pub fn products_are_fused() -> bool {
+    #[cfg(target_arch = "wasm32")]
+    return super::wasm::is_fused();
+    #[cfg(not(target_arch = "wasm32"))]
+    true
+}
+
 /// Runs a kernel with the instructions in use.
 pub fn run_wide<K: Kernel>(kernel: K) -> K::Output {
     match Instructions::in_use() {
-        Instructions::Portable => kernel.run::<Portable>(),
+        Instructions::Portable => kernel.run::<Baseline>(),
         // SAFETY: the instructions in use are among those of the processor.
         #[cfg(target_arch = "x86_64")]
         Instructions::Avx2 => unsafe { avx2(kernel) },
@@ -126,7 +138,7 @@ mod tests {
     #[test]
     fn bits_do_not_depend_on_the_instructions() {
         let x: Lanes = std::array::from_fn(|i| 0.37 + 0.61 * i as f32);
-        let portable = Mixed(x).run::<Portable>().map(f32::to_bits);
+        let portable = Mixed(x).run::<Baseline>().map(f32::to_bits);
         for set in Instructions::ALL.into_iter().filter(|set| set.available()) {
             set.limit();
             assert_eq!(Instructions::in_use(), set);

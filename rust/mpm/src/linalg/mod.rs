@@ -7,11 +7,13 @@ mod lanes;
 mod math;
 mod quad;
 mod svd;
+#[cfg(target_arch = "wasm32")]
+mod wasm;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use eigen::{Spectrum, Symmetrics};
-pub use instructions::{Instructions, Kernel, run_wide};
+pub use instructions::{Instructions, Kernel, products_are_fused, run_wide};
 pub use isotropic::{Split, exponential, logarithm};
 pub use lanes::{LANES, Lanes, exp, ln};
 pub use math::{Matrix, Symmetric, Vector, determinant, lanes, norm, shear_index};

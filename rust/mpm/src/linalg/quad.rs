@@ -48,9 +48,11 @@ pub trait Quad: Copy {
 }
 
 /// For any processor.
+#[cfg(not(target_arch = "wasm32"))]
 #[derive(Clone, Copy)]
 pub struct Portable([[f32; 4]; 4]);
 
+#[cfg(not(target_arch = "wasm32"))]
 impl Portable {
     #[inline(always)]
     fn each(f: impl Fn(usize, usize) -> f32) -> Self {
@@ -64,6 +66,7 @@ impl Portable {
     }
 }
 
+#[cfg(not(target_arch = "wasm32"))]
 impl Quad for Portable {
     #[inline(always)]
     fn load(nodes: &[f32x4; 4]) -> Self {

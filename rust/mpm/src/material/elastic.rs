@@ -3,6 +3,7 @@
 use super::constitutive::{Constitutive, State, Volumes};
 use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, Vector, determinant, ln, svd};
+use serde::{Deserialize, Serialize};
 
 /// Fixed-corotated solid (Stomakhin et al. 2012) with a barrier against collapse. Its state is F.
 ///
@@ -12,7 +13,7 @@ use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, Vector, determi
 ///
 /// For lambda < 0 the second term has no lower bound. There lambda / 2 tr(S - I)^2 replaces it, with the stretches S: equal
 /// at small strains, and positive together with the first at all.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Elastic {
     pub lame: Lame,
 }

@@ -1,7 +1,9 @@
 //! The two constants of isotropic elasticity.
 
+use serde::{Deserialize, Serialize};
+
 /// Lame parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Lame {
     /// Shear modulus [Pa].
     pub mu: f32,

@@ -5,9 +5,10 @@ use super::lame::Lame;
 use super::sand::Sand;
 use super::water::Water;
 use crate::error::MpmError;
+use serde::{Deserialize, Serialize};
 
 /// A constitutive model with its constants.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Model {
     Water(Water),
     Sand(Sand),
@@ -15,7 +16,7 @@ pub enum Model {
 }
 
 /// A model, how heavy it is, and how it rubs against walls.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     pub model: Model,
     /// Rest density [kg/m^3].

@@ -5,12 +5,13 @@ use super::lame::Lame;
 use crate::linalg::{
     LANES, Lanes, Spectrum, Split, Symmetric, Symmetrics, Vector, exp, exponential, ln, logarithm,
 };
+use serde::{Deserialize, Serialize};
 
 /// Dry sand: StVK-Hencky elasticity with a Drucker-Prager yield surface (Klar et al. 2016).
 ///
 /// Both depend on the stretches alone, so a particle carries b = F F^T of the elastic part of F: its eigenvalues
 /// are their squares, its eigenvectors the axes of the stress, and no rotation has to be found.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sand {
     pub lame: Lame,
     /// Slope of the yield cone, sqrt(2/3) 2 sin(phi) / (3 - sin(phi)). In 2D the plane-strain friction

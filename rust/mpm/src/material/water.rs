@@ -2,11 +2,12 @@
 
 use super::constitutive::{Constitutive, Correction, State, Volumes};
 use crate::linalg::{LANES, Lanes, Symmetrics};
+use serde::{Deserialize, Serialize};
 
 /// Water: tau = lambda J (J - 1) I. Its state is J only.
 ///
 /// J follows the divergence at the particle, and `volume` corrects it towards the space that the particle occupies.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Water {
     /// lambda [Pa].
     pub bulk_modulus: f32,

@@ -3,9 +3,10 @@
 use crate::boundary::Walls;
 use crate::error::MpmError;
 use crate::linalg::Vector;
+use serde::{Deserialize, Serialize};
 
 /// An opening that material leaves at a given velocity, in layers one spacing apart.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Emitter<const D: usize> {
     /// Index into the materials.
     pub material: u8,

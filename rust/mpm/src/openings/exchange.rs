@@ -10,9 +10,10 @@ use crate::boundary::{Obstacles, Shape};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Constitutive;
 use crate::particles::{Activity, EMITTED, Group, MaterialGroup, Particle, with_group};
+use serde::{Deserialize, Serialize};
 
 /// Where material enters and leaves a scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Openings<const D: usize> {
     /// They act at the end of each frame, after the sinks.
     pub emitters: Vec<Emitter<D>>,

@@ -14,9 +14,10 @@ use crate::force::FrameForce;
 use crate::grid::{Layout, Stencils};
 use crate::linalg::LANES;
 use crate::material::{Constitutive, State};
+use serde::{Deserialize, Serialize};
 
 /// Condition of rest: particles were slow at the end of some consecutive frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sleep {
     /// Speed below which a particle is slow [m/s].
     pub speed: f32,

@@ -48,6 +48,15 @@ impl<const D: usize> Solver<D> {
         }
     }
 
+    /// Writes N numbers of bodies; 0 for materials that flow.
+    pub(crate) fn write_bodies(&self, out: &mut [u32]) {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
+                out[p.id as usize] = group.body;
+            });
+        }
+    }
+
     /// Writes N masses [kg].
     pub fn write_masses(&self, out: &mut [f32]) {
         for group in &self.state.groups {

@@ -2,6 +2,7 @@
 
 use crate::error::MpmError;
 use crate::material::Material;
+use serde::{Deserialize, Serialize};
 
 /// Part of a cell that a particle may cross in a substep, unless the caller gives another CFL number.
 pub const DEFAULT_SPEED_CFL: f32 = 0.55;
@@ -11,7 +12,7 @@ const SPEED_LIMIT: f32 = 0.8;
 pub const MAX_SUBSTEPS: u32 = 20_000;
 
 /// Rule for the substeps.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Substeps {
     /// The fewest with dt <= cfl dx / max(signal speed, largest speed), chosen anew as speeds change. Without a
     /// number, each material's own default stands beside its signal speed.

@@ -1,0 +1,359 @@
+// The page of a playing file: controls, camera and picture. The simulation runs in a worker.
+
+const SUBSTANCES = { 3: [120, 130, 150], 5: [70, 150, 235], 6: [216, 168, 96], 7: [88, 176, 104], 0: [150, 125, 175] };
+const SOLID = [112, 124, 146];
+const GROUND = [10, 15, 22];
+const SCALE = [[30, 60, 150], [40, 130, 220], [90, 210, 230], [250, 240, 140], [250, 150, 70]];
+const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
+const MOST_FRAMES = 40; // computed from one picture to the next
+const HAND = { radius: 0.08, cap: 150 }; // m, m/s^2
+const MARGIN = 0.04; // of the picture, around the walls
+
+const part = (id) => document.getElementById(id);
+const picture = part("picture");
+const pen = picture.getContext("2d");
+
+// Orders to the worker.
+const source = new Blob([part("worker").textContent], { type: "text/javascript" });
+const worker = new Worker(URL.createObjectURL(source));
+const waiting = new Map();
+let orders = 0;
+worker.onmessage = ({ data }) => {
+  const { done, failed } = waiting.get(data.id);
+  waiting.delete(data.id);
+  if (data.error === undefined) done(data);
+  else failed(new Error(data.error));
+};
+
+function ask(order, given = {}) {
+  orders += 1;
+  worker.postMessage({ id: orders, order, ...given });
+  return new Promise((done, failed) => waiting.set(orders, { done, failed }));
+}
+
+function stored(id) {
+  return Uint8Array.from(atob(part(id).textContent.trim()), (letter) => letter.charCodeAt(0));
+}
+
+// State of the page.
+let scene = null; // what the file says of itself
+let dim = 2;
+let frameDt = 0.0025;
+let state = null; // latest state of the simulation
+let playing = false;
+let busy = false;
+let owed = 0; // frames that real time is ahead
+let last = 0; // time of the latest picture [ms]
+let hand = null;
+let turning = null;
+let rates = []; // simulated over real time
+const camera = { yaw: 0.6, pitch: 0.35, distance: 2.2 };
+
+function say(text, isError = false) {
+  part("message").textContent = text;
+  part("message").classList.toggle("error", isError);
+  part("message").hidden = text === "";
+}
+
+// Picture.
+
+/** Project a point to the picture: [x, y, depth] with the scale there [px/m]. */
+function projection() {
+  const [width, height] = [picture.width, picture.height];
+  const middle = scene.lower.map((low, axis) => (low + scene.upper[axis]) / 2);
+  const size = scene.lower.map((low, axis) => scene.upper[axis] - low);
+  if (dim === 2) {
+    const scale = (1 - 2 * MARGIN) * Math.min(width / size[0], height / size[1]);
+    return (x, y) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale, 0, scale];
+  }
+  const [cy, sy, cp, sp] = [Math.cos(camera.yaw), Math.sin(camera.yaw), Math.cos(camera.pitch), Math.sin(camera.pitch)];
+  const longest = Math.hypot(...size);
+  const distance = camera.distance * longest;
+  const focal = 1.75 * Math.min(width, height);
+  return (x, y, z) => {
+    const [a, b, c] = [x - middle[0], y - middle[1], z - middle[2]];
+    const right = cy * a - sy * c;
+    const back = sy * a + cy * c;
+    const up = cp * b - sp * back;
+    const depth = distance - (sp * b + cp * back);
+    const scale = focal / depth;
+    return [width / 2 + right * scale, height / 2 - up * scale, depth / longest, scale];
+  };
+}
+
+function ramp(share) {
+  const at = Math.min(Math.max(share, 0), 1) * (SCALE.length - 1);
+  const low = Math.min(Math.floor(at), SCALE.length - 2);
+  return SCALE[low].map((one, i) => one + (SCALE[low + 1][i] - one) * (at - low));
+}
+
+/** Values that get the ends of the scale. */
+function ends(wanted, values) {
+  if (wanted === "density") return [0.9, 1.1];
+  const sorted = values.slice().sort();
+  const high = sorted[Math.floor(0.99 * (sorted.length - 1))] || 0;
+  const step = 10 ** Math.floor(Math.log10(Math.max(high, 1e-3)));
+  return [0, Math.ceil(high / step) * step];
+}
+
+function draw() {
+  if (state === null) return;
+  const ratio = Math.min(devicePixelRatio || 1, 2);
+  const box = picture.getBoundingClientRect();
+  const [width, height] = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+  if (picture.width !== width || picture.height !== height) [picture.width, picture.height] = [width, height];
+  const project = projection();
+  const image = pen.createImageData(width, height);
+  const pixels = new Uint32Array(image.data.buffer);
+  pixels.fill(packed(GROUND, 1));
+  const wanted = part("colour").value;
+  const [low, high] = wanted === "material" ? [0, 2.5] : ends(wanted, state.values);
+  part("scale").hidden = wanted === "material";
+  if (wanted !== "material") {
+    part("low").textContent = `${low} ${UNITS[wanted]}`;
+    part("high").textContent = `${high} ${UNITS[wanted]}`;
+  }
+  const points = []; // [x, y, depth, radius, colour]
+  const add = (x, i, radius, colour) => {
+    const at = dim === 2 ? project(x[i], x[i + 1]) : project(x[i], x[i + 1], x[i + 2]);
+    const shade = dim === 2 ? 1 : Math.min(1.25, Math.max(0.35, 1.9 - 0.42 * at[2]));
+    points.push([at[0], at[1], at[2], Math.max(radius * at[3], 0.8), packed(colour, shade)]);
+  };
+  const solids = scene.resting.concat(state.moved);
+  for (const solid of solids) {
+    for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.6 * scene.solidStep, SOLID);
+  }
+  for (let k = 0; k < state.values.length; k += 1) {
+    const share = (state.values[k] - low) / (high - low || 1);
+    const kind = SUBSTANCES[scene.types[state.materials[k]]] ?? SUBSTANCES[5];
+    const colour = wanted === "material" ? kind.map((c) => c + (255 - c) * 0.55 * Math.min(share, 1)) : ramp(share);
+    add(state.positions, k * dim, 0.55 * scene.spacing, colour);
+  }
+  if (dim === 3) points.sort((a, b) => b[2] - a[2]);
+  for (const [x, y, , radius, colour] of points) disc(pixels, width, height, x, y, radius, colour);
+  pen.putImageData(image, 0, 0);
+  drawWalls(project);
+  if (hand !== null) drawHand(project, ratio);
+}
+
+function packed([red, green, blue], shade) {
+  const byte = (value) => Math.min(255, value * shade) & 255;
+  return (255 << 24) | (byte(blue) << 16) | (byte(green) << 8) | byte(red);
+}
+
+function disc(pixels, width, height, x, y, radius, colour) {
+  const [top, bottom] = [Math.max(0, Math.ceil(y - radius)), Math.min(height - 1, Math.floor(y + radius))];
+  for (let row = top; row <= bottom; row += 1) {
+    const half = Math.sqrt(radius * radius - (row - y) ** 2);
+    const [from, to] = [Math.max(0, Math.ceil(x - half)), Math.min(width - 1, Math.floor(x + half))];
+    if (from <= to) pixels.fill(colour, row * width + from, row * width + to + 1);
+  }
+}
+
+function drawWalls(project) {
+  const corners = Array.from({ length: 2 ** dim }, (_, bits) =>
+    scene.lower.map((low, axis) => ((bits >> axis) & 1 ? scene.upper[axis] : low)),
+  );
+  pen.strokeStyle = "rgb(150 178 212 / 0.45)";
+  pen.lineWidth = Math.max(1, picture.width / 900);
+  pen.beginPath();
+  for (let a = 0; a < corners.length; a += 1) {
+    for (let axis = 0; axis < dim; axis += 1) {
+      const b = a | (1 << axis);
+      if (b === a) continue;
+      pen.moveTo(...project(...corners[a]).slice(0, 2));
+      pen.lineTo(...project(...corners[b]).slice(0, 2));
+    }
+  }
+  pen.stroke();
+}
+
+function drawHand(project, ratio) {
+  const [x, y, , scale] = project(...hand.point);
+  pen.strokeStyle = "#58b9ff";
+  pen.lineWidth = 1.5 * ratio;
+  pen.beginPath();
+  pen.arc(x, y, HAND.radius * scale, 0, 2 * Math.PI);
+  pen.stroke();
+}
+
+// Time.
+
+async function advance(frames) {
+  busy = true;
+  try {
+    const found = await ask("advance", { frames, hand: push(), wanted: part("colour").value });
+    state = found;
+    if (frames > 0) rates.push({ simulated: found.frames * frameDt * 1000, took: found.took });
+    rates = rates.slice(-30);
+    report();
+    draw();
+  } catch (error) {
+    pause();
+    say(error.message, true);
+  } finally {
+    busy = false;
+  }
+}
+
+function tick(now) {
+  requestAnimationFrame(tick);
+  const passed = Math.min(now - last, 100);
+  last = now;
+  if (!playing || busy) {
+    if (playing) owed += (passed / 1000 / frameDt) * Number(part("speed").value);
+    return;
+  }
+  owed += (passed / 1000 / frameDt) * Number(part("speed").value);
+  const frames = Math.min(Math.floor(owed), MOST_FRAMES);
+  // What a slow device cannot make up for is dropped: the picture then plays slower.
+  owed = Math.min(owed - frames, MOST_FRAMES);
+  if (frames > 0) advance(frames);
+}
+
+function report() {
+  const seconds = (state.frame * frameDt).toFixed(2);
+  const [simulated, took] = ["simulated", "took"].map((key) => rates.reduce((sum, one) => sum + one[key], 0));
+  const fastest = took > 0 ? ` · can play ${(simulated / took).toPrecision(2)} times as fast as real time` : "";
+  part("frame").textContent = `frame ${state.frame} · ${seconds} s${fastest}`;
+  document.body.dataset.frame = state.frame;
+  if (part("digest").dataset.frame !== String(state.frame)) part("digest").value = "";
+}
+
+function play() {
+  playing = true;
+  owed = 0;
+  part("play").textContent = "Pause";
+}
+
+function pause() {
+  playing = false;
+  part("play").textContent = "Play";
+}
+
+part("play").onclick = () => (playing ? pause() : play());
+part("step").onclick = () => {
+  pause();
+  if (!busy) advance(1);
+};
+part("reset").onclick = async () => {
+  pause();
+  say("");
+  state = await ask("reset", { wanted: part("colour").value });
+  rates = [];
+  report();
+  draw();
+};
+part("colour").onchange = () => !busy && advance(0);
+part("show-digest").onclick = async () => {
+  pause();
+  const { digest, frame } = await ask("digest");
+  part("digest").dataset.frame = frame;
+  part("digest").value = digest;
+};
+document.onkeydown = ({ key, target }) => {
+  if (target.closest("select, button, textarea, output")) return;
+  if (key === " ") part("play").click();
+  else if (key === ".") part("step").click();
+  else if (key === "r") part("reset").click();
+};
+
+// Hand and camera.
+
+/** The point of the world under the pointer: in 3D, in the plane through the middle that faces the eye. */
+function under({ clientX, clientY }) {
+  const box = picture.getBoundingClientRect();
+  const [x, y] = [((clientX - box.left) / box.width) * picture.width, ((clientY - box.top) / box.height) * picture.height];
+  const middle = scene.lower.map((low, axis) => (low + scene.upper[axis]) / 2);
+  const [mx, my, , scale] = projection()(...middle);
+  const [right, up] = [(x - mx) / scale, (my - y) / scale];
+  if (dim === 2) return [middle[0] + right, middle[1] + up];
+  const [cy, sy, cp, sp] = [Math.cos(camera.yaw), Math.sin(camera.yaw), Math.cos(camera.pitch), Math.sin(camera.pitch)];
+  return [middle[0] + cy * right - sy * sp * up, middle[1] + cp * up, middle[2] - sy * right - cy * sp * up];
+}
+
+/** The hand as the solver takes it: a hand that rests longer than a moment pushes no more. */
+function push() {
+  if (hand === null) return null;
+  const rests = performance.now() - hand.time > 80;
+  return { ...HAND, point: hand.point, velocity: rests ? hand.velocity.map(() => 0) : hand.velocity };
+}
+
+picture.onpointerdown = (event) => {
+  picture.setPointerCapture(event.pointerId);
+  if (dim === 3 && (part("drag").value === "turn" || event.button === 2)) turning = event;
+  else hand = { point: under(event), velocity: new Array(dim).fill(0), time: performance.now() };
+};
+picture.onpointermove = (event) => {
+  if (turning !== null) {
+    camera.yaw -= 0.006 * (event.clientX - turning.clientX);
+    camera.pitch = Math.min(1.5, Math.max(-0.2, camera.pitch + 0.006 * (event.clientY - turning.clientY)));
+    turning = event;
+    if (!playing) draw();
+  } else if (hand !== null) {
+    const [point, now] = [under(event), performance.now()];
+    const seconds = Math.max(now - hand.time, 4) / 1000;
+    const velocity = point.map((value, axis) => (value - hand.point[axis]) / seconds);
+    hand = { point, velocity: velocity.map((v, axis) => 0.5 * v + 0.5 * hand.velocity[axis]), time: now };
+    if (!playing) draw();
+  }
+};
+picture.onpointerup = picture.onpointercancel = () => {
+  [hand, turning] = [null, null];
+  if (!playing) draw();
+};
+picture.oncontextmenu = (event) => event.preventDefault();
+picture.addEventListener(
+  "wheel",
+  (event) => {
+    if (dim === 2) return;
+    event.preventDefault();
+    camera.distance = Math.min(6, Math.max(1.2, camera.distance * Math.exp(0.001 * event.deltaY)));
+    if (!playing) draw();
+  },
+  { passive: false },
+);
+new ResizeObserver(draw).observe(picture);
+
+/** Show the text of a lesson: paragraphs, and headings that begin with #. */
+function showLesson(text) {
+  for (const block of text.split(/\n\s*\n/).filter((one) => one.trim() !== "")) {
+    const isHeading = block.startsWith("#");
+    const element = document.createElement(isHeading ? "h2" : "p");
+    element.textContent = isHeading ? block.replace(/^#+\s*/, "") : block;
+    part("lesson").append(element);
+  }
+  part("lesson").hidden = text.trim() === "";
+}
+
+function unpackedNumbers(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Float32Array(bytes.buffer);
+}
+
+async function start() {
+  try {
+    scene = JSON.parse(part("scene").textContent);
+    scene.resting = scene.solids.filter(({ moves }) => !moves).map(({ points }) => unpackedNumbers(points));
+    const moving = scene.solids
+      .filter(({ moves }) => moves)
+      .map(({ obstacle, points }) => ({ obstacle, points: unpackedNumbers(points) }));
+    showLesson(scene.text);
+    const modules = [stored("module"), stored("module-exact")];
+    ({ dim, frameDt } = await ask("open", { modules, start: stored("start"), moving }));
+    part("drag").parentElement.hidden = dim === 2;
+    await advance(0);
+    say("");
+    document.body.dataset.ready = "true";
+    requestAnimationFrame(tick);
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
+  } catch (error) {
+    say(error.message, true);
+    document.body.dataset.ready = "false";
+  }
+}
+
+if (typeof DecompressionStream === "undefined" || typeof WebAssembly === "undefined") {
+  say("This browser is too old to play: Chrome 91, Firefox 113 and Safari 16.4 can, and all later ones.", true);
+  document.body.dataset.ready = "false";
+} else start();
