@@ -5,7 +5,7 @@ const SOLID = [112, 124, 146];
 const GROUND = [10, 15, 22];
 const SCALE = [[30, 60, 150], [40, 130, 220], [90, 210, 230], [250, 240, 140], [250, 150, 70]];
 const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
-const MOST_FRAMES = 40; // computed from one picture to the next
+const PICTURE = 30; // longest computation from one picture to the next [ms]
 const HAND = { radius: 0.08, cap: 150 }; // m, m/s^2
 const MARGIN = 0.04; // of the picture, around the walls
 
@@ -47,7 +47,7 @@ let last = 0; // time of the latest picture [ms]
 let hand = null;
 let turning = null;
 let rates = []; // simulated over real time
-const camera = { yaw: 0.6, pitch: 0.35, distance: 2.2 };
+const camera = { yaw: 0.6, pitch: 0.35, distance: 1.7 };
 
 function say(text, isError = false) {
   part("message").textContent = text;
@@ -121,13 +121,13 @@ function draw() {
   };
   const solids = scene.resting.concat(state.moved);
   for (const solid of solids) {
-    for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.6 * scene.solidStep, SOLID);
+    for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.75 * scene.solidStep, SOLID);
   }
   for (let k = 0; k < state.values.length; k += 1) {
     const share = (state.values[k] - low) / (high - low || 1);
     const kind = SUBSTANCES[scene.types[state.materials[k]]] ?? SUBSTANCES[5];
     const colour = wanted === "material" ? kind.map((c) => c + (255 - c) * 0.55 * Math.min(share, 1)) : ramp(share);
-    add(state.positions, k * dim, 0.55 * scene.spacing, colour);
+    add(state.positions, k * dim, 0.75 * scene.spacing, colour);
   }
   if (dim === 3) points.sort((a, b) => b[2] - a[2]);
   for (const [x, y, , radius, colour] of points) disc(pixels, width, height, x, y, radius, colour);
@@ -205,15 +205,22 @@ function tick(now) {
     return;
   }
   owed += (passed / 1000 / frameDt) * Number(part("speed").value);
-  const frames = Math.min(Math.floor(owed), MOST_FRAMES);
+  const [simulated, took] = spent();
+  const most = took > 0 ? Math.max(1, Math.floor((PICTURE * simulated) / took / (1000 * frameDt))) : 1;
+  const frames = Math.min(Math.floor(owed), most);
   // What a slow device cannot make up for is dropped: the picture then plays slower.
-  owed = Math.min(owed - frames, MOST_FRAMES);
+  owed = Math.min(owed - frames, most);
   if (frames > 0) advance(frames);
+}
+
+/** Time that was simulated of late, and what it took [ms]. */
+function spent() {
+  return ["simulated", "took"].map((key) => rates.reduce((sum, one) => sum + one[key], 0));
 }
 
 function report() {
   const seconds = (state.frame * frameDt).toFixed(2);
-  const [simulated, took] = ["simulated", "took"].map((key) => rates.reduce((sum, one) => sum + one[key], 0));
+  const [simulated, took] = spent();
   const fastest = took > 0 ? ` · can play ${(simulated / took).toPrecision(2)} times as fast as real time` : "";
   part("frame").textContent = `frame ${state.frame} · ${seconds} s${fastest}`;
   document.body.dataset.frame = state.frame;

@@ -25,10 +25,10 @@ async function firstModule(packed) {
   );
 }
 
-function give(bytes) {
-  new Uint8Array(core.memory.buffer, core.reserve(bytes.byteLength), bytes.byteLength).set(
-    new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength),
-  );
+function give(array) {
+  const address = core.reserve(array.byteLength); // may move the memory
+  const bytes = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+  new Uint8Array(core.memory.buffer).set(bytes, address);
 }
 
 function failure() {

@@ -60,6 +60,21 @@ def test_simulate_a_scene_file_to_several_files(tmp_path: Path, scene_file: Path
     assert result.stdout.count("wrote ") == 5
 
 
+def test_a_page_that_plays_is_written_without_a_run(tmp_path: Path, scene_file: Path) -> None:
+    page, lesson = tmp_path / "drop.html", tmp_path / "lesson.md"
+    lesson.write_text("# Falling\n\nIt <falls>.", encoding="utf-8")
+    result = run("simulate", "--scene", scene_file, "--out", page, "--text", lesson)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith(f"wrote {page}: ")
+    text = page.read_text(encoding="utf-8")
+    assert "It \\u003cfalls>." in text
+    scene = ("simulate", "--scene", scene_file)
+    assert_fails(run(*scene, "--out", page, "--coarse", "1/16"), 2, "make the solver without `coarse`")
+    assert_fails(run(*scene, "--out", tmp_path / "absent" / "a.html"), 1, "cannot write")
+    assert "--text is for a page" in run(*scene, "--text", lesson).stderr
+    assert "a page plays MPM alone" in run(*scene, "--budget-ms", 1, "--out", page).stderr
+
+
 def test_simulate_without_output_tells_a_summary(scene_file: Path) -> None:
     result = run("simulate", "--scene", scene_file, "--frames", 0)
     assert result.exit_code == 0
