@@ -2,7 +2,7 @@
 
 use crate::boundary::{Obstacle, Shape, Walls};
 use crate::error::MpmError;
-use crate::linalg::Vector;
+use crate::linalg::{Vector, each_axis};
 use crate::material::Material;
 use crate::openings::Openings;
 use crate::particles::Sleep;
@@ -15,6 +15,7 @@ pub struct SolverSettings<const D: usize> {
     /// Grid cells per metre.
     pub resolution: usize,
     /// Grid cells along each axis of the world, which begins at the origin.
+    #[serde(with = "each_axis")]
     pub cells: [usize; D],
     /// Length of a frame [s].
     pub frame_dt: f32,

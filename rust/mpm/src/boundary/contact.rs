@@ -2,6 +2,7 @@
 
 use crate::error::MpmError;
 use crate::linalg::Vector;
+use crate::linalg::each_axis;
 use serde::{Deserialize, Serialize};
 
 /// How material meets a wall or an obstacle.
@@ -54,28 +55,6 @@ pub struct Walls<const D: usize> {
     /// Surfaces of the lower and the upper wall across each axis.
     #[serde(with = "each_axis")]
     pub contacts: [[Contact; 2]; D],
-}
-
-/// Surfaces as a list: serde has no arrays of generic length.
-mod each_axis {
-    use super::Contact;
-    use serde::de::{Deserialize, Deserializer, Error};
-    use serde::ser::{Serialize, Serializer};
-
-    pub fn serialize<S: Serializer, const D: usize>(
-        contacts: &[[Contact; 2]; D],
-        serializer: S,
-    ) -> Result<S::Ok, S::Error> {
-        contacts.as_slice().serialize(serializer)
-    }
-
-    pub fn deserialize<'de, T: Deserializer<'de>, const D: usize>(
-        deserializer: T,
-    ) -> Result<[[Contact; 2]; D], T::Error> {
-        let list = Vec::deserialize(deserializer)?;
-        let count = |list: Vec<_>| Error::invalid_length(list.len(), &"two surfaces for each axis");
-        list.try_into().map_err(count)
-    }
 }
 
 impl<const D: usize> Walls<D> {

@@ -1,5 +1,6 @@
 //! Small vectors and matrices, of one particle and of a block of particles.
 
+pub mod each_axis;
 mod eigen;
 mod instructions;
 mod isotropic;
