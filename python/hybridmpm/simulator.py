@@ -186,7 +186,7 @@ class Simulator(ABC):
         """Mass, momentum, energies and extremes over all particles, at this instant."""
 
     def digest(self) -> str:
-        """Return the digest of the present state, as `digest_of` does; playing pages and session logs have it, too."""
+        """Return `digest_of` the present state, which pages that play and logs of sessions have, too."""
         return digest_of(self.ids, self.positions, self.velocities)
 
     def probe(self, probe: Probe) -> npt.NDArray[np.float64]:

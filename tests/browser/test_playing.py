@@ -1,4 +1,4 @@
-"""Pages that play by themselves: the bits of the native solver, controls, and what happens where it cannot run."""
+"""Pages that play by themselves: the bits of the native solver, and the controls."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
-
-from hybridmpm import Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, play, scenarios
 from tests.browser.conftest import PATIENCE_MS
 from tests.golden.digests import FRAMES, scenes
+
+from hybridmpm import Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, play, scenarios
 
 MODULE = re.compile(r'(?<=id="module">)[^<]*')
 """The module that a page tries first, with instructions that not all browsers have."""
@@ -20,7 +20,7 @@ Show = Callable[[str], Page]
 
 @pytest.fixture
 def show(browser: Browser, tmp_path: Path) -> Iterator[Show]:
-    """Open a page from the disk, with motion reduced, so that nothing plays by itself; it must not complain."""
+    """Open a page from the disk, where nothing plays by itself; it must not complain."""
     context = browser.new_context(reduced_motion="reduce", viewport={"width": 900, "height": 700})
     errors: list[str] = []
 

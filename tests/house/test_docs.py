@@ -100,7 +100,9 @@ def expected() -> dict[str, str]:
     assert int.from_bytes(mpm[8:12], "little") == _core.SNAPSHOT_VERSION
     assert int.from_bytes(mpm[12:16], "little") == SOLVER_VERSION
     assert int.from_bytes(shown[8:12], "little") == _core.UPSAMPLER_VERSION
+    start = MpmSolver(scenarios.water_2d(0)).start_file()
     versions = {
+        start[:8]: int.from_bytes(start[8:12], "little"),
         snapshots.MAGIC: snapshots.VERSION,
         mpm[:8]: _core.SNAPSHOT_VERSION,
         shown[:8]: _core.UPSAMPLER_VERSION,

@@ -94,6 +94,7 @@ DEPENDS_ON = {
     "neighbors": {"threads"},
     "neural": set(),
     "threads": set(),
+    "web": {"mpm"},
 }
 """The crates of this project that each one may use."""
 

@@ -22,7 +22,7 @@ from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.viewers import WAIT
 from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.sessions.journal import Journal
-from hybridmpm_service.sessions.revival import digest_of, replay
+from hybridmpm_service.sessions.revival import replay
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import SolverFactory
 
@@ -228,7 +228,7 @@ def _compute_again(logs: Sequence[dict[str, Any]], solvers: SolverFactory, outco
 
     def look() -> None:
         if simulation.frame in ends - digests.keys():
-            digests[simulation.frame] = digest_of(simulation.particles())
+            digests[simulation.frame] = simulation.particles().digest()
 
     replay(simulation, stored.inputs, stored.frame, check=look)
     look()

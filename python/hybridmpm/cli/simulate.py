@@ -136,11 +136,7 @@ def simulate(
     nothing of it is kept.
     """
     style = export.Style(width=width, speed=speed, strip=strip)
-    pages = [target for target in targets if target.suffix.lower() in (".html", ".htm")]
-    targets = tuple(target for target in targets if target not in pages)
-    check_targets(targets)
-    if text_file is not None and not pages:
-        raise click.UsageError("--text is for a page that plays: give --out FILE.html, too.")
+    pages, targets = _pages_and_others(targets, text_file)
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
     if resume_file is not None:
@@ -167,13 +163,27 @@ def simulate(
         solver = simulators.make(kind, scene, threads=threads, **given)
     for page in pages:
         _write_page(solver, page, scenario or (scene_file or page).stem, text_file)
-    if pages and not targets and save_file is None:
-        return
+    if targets or save_file is not None or not pages:
+        name = scenario or "fluid"
+        _run(solver, frames, every=every, targets=targets, save_file=save_file, style=style, name=name)
+
+
+def _run(
+    solver: Simulator,
+    frames: int | None,
+    *,
+    every: int,
+    targets: tuple[Path, ...],
+    save_file: Path | None,
+    style: export.Style,
+    name: str,
+) -> None:
+    """Simulate frames, by default those that the scene suggests, and write the files."""
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
     if frames and not targets and save_file is None:
-        click.echo(_what_is_discarded(frames, scenario or "fluid"), err=True)
+        click.echo(_what_is_discarded(frames, name), err=True)
 
     began = time.perf_counter()
     with signals.raising_at_end():
@@ -190,6 +200,18 @@ def simulate(
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
         _write(target, recording, style)
+
+
+def _pages_and_others(
+    targets: tuple[Path, ...], text_file: Path | None
+) -> tuple[list[Path], tuple[Path, ...]]:
+    """Return the files that are pages that play, and the others, which are checked."""
+    pages = [target for target in targets if target.suffix.lower() in (".html", ".htm")]
+    others = tuple(target for target in targets if target not in pages)
+    check_targets(others)
+    if text_file is not None and not pages:
+        raise click.UsageError("--text is for a page that plays: give --out FILE.html, too.")
+    return pages, others
 
 
 def _write_page(solver: Simulator, file: Path, name: str, text_file: Path | None) -> None:

@@ -447,7 +447,7 @@ class MpmSolver(CoarseSimulator):
         return self._stepper.snapshot()
 
     def start_file(self) -> bytes:
-        """Return settings and present state of the particles simulated, as a playing page begins with them."""
+        """Return settings and present state of the particles simulated, for a page that plays."""
         return self._stepper.solver.start()
 
     def restore(self, data: bytes) -> None:

@@ -63,10 +63,10 @@ class PlayingPage:
 def play(
     source: Scene | MpmSolver, path: str | Path | None = None, *, name: str = "", text: str = ""
 ) -> PlayingPage:
-    """Return a page that plays a simulation in any browser, and write it to a file where a path is given.
+    """Return a page that plays a simulation in any browser; write it where a path is given.
 
-    The page goes on from the state of `source` with the bits of `MpmSolver.advance`: both have the same digest
-    after the same frame. In it, a drag pushes the material.
+    The page goes on from the state of `source` with the bits of `MpmSolver.advance`: both have the same
+    digest after the same frame. In it, a drag pushes the material.
 
     Parameters
     ----------

@@ -38,7 +38,6 @@ pub use particles::Sleep;
 pub use settings::SolverSettings;
 pub use snapshot::SNAPSHOT_VERSION;
 pub use solver::{CancelFlag, MotionReport, PrescribeOptions, Solver};
-pub use start::START_VERSION;
 pub use substep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, Substeps, cfl_substeps, reference_substeps,
 };

@@ -14,7 +14,7 @@ use crate::version::SOLVER_VERSION;
 
 const MAGIC: &[u8; 8] = b"HMPMPLAY";
 /// Version of the layout of start files.
-pub const START_VERSION: u32 = 1;
+const START_VERSION: u32 = 1;
 /// Magic, both versions, dimension.
 const HEADER: usize = 8 + 4 + 4 + 4;
 const CHECKSUM: usize = 8;
