@@ -30,6 +30,7 @@ struct Content<const D: usize> {
 
 impl<const D: usize> Solver<D> {
     /// The solver as bytes.
+    #[expect(clippy::missing_panics_doc, reason = "every setting can be written")]
     pub fn start(&self) -> Vec<u8> {
         let mut settings = self.settings().clone();
         settings.threads = 1;
