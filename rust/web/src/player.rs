@@ -81,7 +81,9 @@ impl Player {
             }
             let size = force.iter().map(|a| a * a).sum::<f32>().sqrt();
             let share = (cap / size.max(1.0e-12)).min(1.0);
-            force.iter_mut().for_each(|a| *a *= share);
+            for component in force {
+                *component *= share;
+            }
         }
         self.advance(1, &force)
     }
@@ -125,7 +127,9 @@ impl Player {
     pub fn digest(&mut self) -> &[u8] {
         let mut hash = Sha256::new();
         let ids = self.solver.ids();
-        ids.iter().for_each(|id| hash.update(id.to_le_bytes()));
+        for id in ids {
+            hash.update(id.to_le_bytes());
+        }
         for quantity in [Quantity::Positions, Quantity::Velocities] {
             for number in self.read(quantity) {
                 hash.update(number.to_le_bytes());
