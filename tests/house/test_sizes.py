@@ -20,7 +20,8 @@ LIMITS = {
     # 240 lines count the time that gaps take, copy followed sketches, and light the edges of pictures.
     # 190 lines are for worlds of any size.
     # 90 lines give bodies their mass wherever they lie.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_225),
+    # 180 lines write pages that play.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_405),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -45,7 +46,8 @@ LIMITS = {
     # 200 lines pass gaps of some cells, copy sketches that are followed, and photograph them.
     # 190 lines simulate worlds that are no cube of one metre.
     # 20 lines weigh bodies.
-    "tests": (("tests/**.py",), 30_690),
+    # 190 lines play pages in a browser, and hold their bits against the native ones.
+    "tests": (("tests/**.py",), 30_720),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
