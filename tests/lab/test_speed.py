@@ -129,7 +129,7 @@ def test_a_block_has_the_wanted_particles(dim: int, particles: int) -> None:
 
 
 def test_too_large_a_block_is_refused() -> None:
-    with pytest.raises(SceneError, match="resolution"):
+    with pytest.raises(SceneError, match="max_particles"):
         solver.falling_block(2, "water", 3_000_000)
 
 
