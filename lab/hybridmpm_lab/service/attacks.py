@@ -197,7 +197,7 @@ _TURNING = {"angular_velocity": [1, 1, 1], "center": [0.5, 0.5, 0.5]}
 _CYLINDER = {"shape": "cylinder", "end": [0.8, 0.7, 0.6], "radius": 0.05, "motion": _TURNING}
 _CYLINDERS = [_CYLINDER | {"start": [0.2, 0.2, 0.2 + 0.0005 * place]} for place in range(1000)]
 _PLAN = _post("/v1/plans", scenario="water_3d", seed=1, budget_ms=1.0)
-_DATASET = _post("/v1/datasets", scenario="water_2d", trajectories=60, frames=300)
+_DATASET = _post("/v1/datasets", scenario="water_2d", trajectories=50, frames=300)
 _CREATE, _CHECK = (_post(f"/v1/{name}", scenario="water_3d") for name in ("sessions", "checks"))
 _CHUNKS = _request("POST", "/v1/sessions", 400_000 * b"1\r\n \r\n", "Transfer-Encoding: chunked")
 _FILM: Row = {"frames": 2000, "format": "gif"}
