@@ -82,9 +82,10 @@ def test_a_page_goes_on_in_mid_splash_among_moving_obstacles(show: Show) -> None
 
 def test_a_page_plays_steps_pushes_and_begins_again(show: Show) -> None:
     solver = MpmSolver(scenarios.water_2d(3))
-    page = show(play(solver, name="Two <blocks>", text="# A title\n\nA paragraph.").html)
+    page = show(play(solver, name="Two <blocks>", text="# A title\n\nSome *words*.").html)
     assert page.title() == "Two <blocks>"
     assert page.locator("#lesson h2").inner_text() == "A title"
+    assert page.locator("#lesson em").inner_text() == "words"
     page.click("#step")
     page.wait_for_function("() => document.body.dataset.frame === '1'")
     page.click("#show-digest")
@@ -116,6 +117,19 @@ def test_a_damaged_page_says_so(show: Show) -> None:
     other = play(scenarios.water_3d(3)).html
     page = show(MODULE.sub(MODULE.findall(other)[0], text))
     assert "it is of a scene in 2D, and this build plays those in 3D" in page.locator("#message").inner_text()
+
+
+def test_a_text_is_markdown_that_cannot_run_or_load() -> None:
+    text = (
+        "A [link](index.html), `a < b`, {{module}}.\n\n- one\n- two\n\n<script>run()</script>\n\n"
+        "[bad](javascript:run()) [worse](data:text/html,run) ![picture](http://example.com/a.png)"
+    )
+    page = play(scenarios.water_2d(3), text=text).html
+    lesson = page[page.index('<article id="lesson"') : page.index("</article>")]
+    assert '<a href="index.html">link</a>, <code>a &lt; b</code>, {{module}}.' in lesson
+    assert "<li>one</li>" in lesson
+    assert "&lt;script&gt;run()&lt;/script&gt;" in lesson
+    assert re.findall("<(?:script|img|iframe)|href=.(?:javascript|data)", lesson) == []
 
 
 @pytest.mark.parametrize("wrong", [scenarios.NAMES, None, "waves.yaml"])

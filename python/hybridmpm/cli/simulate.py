@@ -94,7 +94,7 @@ from hybridmpm.simulator import Kind, Simulator
     "text_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Text beside the picture of an .html page: paragraphs, and headings that begin with #.",
+    help="Text beside the picture of an .html page, in Markdown.",
 )
 @click.option(
     "--strip",

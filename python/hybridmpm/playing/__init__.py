@@ -8,6 +8,7 @@ import base64
 import gzip
 import html
 import json
+import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from hybridmpm import _core
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.playing.text import html_of
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
 
@@ -77,7 +79,7 @@ def play(
     name : str
         Title of the page; the scene's dimension and number of particles if empty.
     text : str
-        Text beside the picture: paragraphs with an empty line between them, and headings that begin with #.
+        Text beside the picture, in Markdown (CommonMark) without pictures and without HTML of its own.
 
     Raises
     ------
@@ -108,13 +110,14 @@ def _page(solver: MpmSolver, name: str, text: str) -> str:
         "spacing": scene.spacing,
         "solids": solids,
         "solidStep": step,
-        "text": text,
     }
     width, height = (b - a for a, b in zip(scene.walls.lower[:2], scene.walls.upper[:2], strict=True))
     parts = {
         "version": _core.__version__,
         "name": html.escape(name),
-        "aspect": f"{width:.4g} / {height:.4g}" if scene.dim == 2 else "4 / 3",
+        "aspect": f"{width / height:.4g}" if scene.dim == 2 else "1.333",
+        "hidden": "" if text.strip() else "hidden",
+        "lesson": html_of(text),
         "scene": json.dumps(about).replace("<", "\\u003c"),
         "start": _packed(solver.start_file()),
         "module": _stored(f"{space}.wasm.gz"),
@@ -122,10 +125,7 @@ def _page(solver: MpmSolver, name: str, text: str) -> str:
         "worker": _asset("worker.js").decode(),
         "player": _asset("player.js").decode(),
     }
-    page = _asset("page.html").decode()
-    for key, value in parts.items():
-        page = page.replace("{{" + key + "}}", value)
-    return page
+    return re.sub(r"\{\{([a-z-]+)\}\}", lambda place: parts[place[1]], _asset("page.html").decode())
 
 
 def _solids(scene: Scene) -> tuple[float, list[dict[str, Any]]]:

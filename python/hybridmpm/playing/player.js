@@ -322,17 +322,6 @@ picture.addEventListener(
 );
 new ResizeObserver(draw).observe(picture);
 
-/** Show the text of a lesson: paragraphs, and headings that begin with #. */
-function showLesson(text) {
-  for (const block of text.split(/\n\s*\n/).filter((one) => one.trim() !== "")) {
-    const isHeading = block.startsWith("#");
-    const element = document.createElement(isHeading ? "h2" : "p");
-    element.textContent = isHeading ? block.replace(/^#+\s*/, "") : block;
-    part("lesson").append(element);
-  }
-  part("lesson").hidden = text.trim() === "";
-}
-
 function unpackedNumbers(text) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Float32Array(bytes.buffer);
@@ -345,7 +334,6 @@ async function start() {
     const moving = scene.solids
       .filter(({ moves }) => moves)
       .map(({ obstacle, points }) => ({ obstacle, points: unpackedNumbers(points) }));
-    showLesson(scene.text);
     const modules = [stored("module"), stored("module-exact")];
     ({ dim, frameDt } = await ask("open", { modules, start: stored("start"), moving }));
     part("drag").parentElement.hidden = dim === 2;
