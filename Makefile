@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate web clean
+.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site web clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -54,6 +54,9 @@ bench: dev ## time the solver on one thread
 
 validate: dev ## compare the solver with experiments and closed forms, and renew docs/results/validation
 	$(BIN)/python -m hybridmpm_lab validate --out docs/results/validation
+
+site: setup ## write the gallery as pages that play, a static folder for any web host: dist/site
+	$(BIN)/python -m hybridmpm_service.site dist/site
 
 web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names what it needs
 	rust/web/build.sh

@@ -20,8 +20,8 @@ LIMITS = {
     # 240 lines count the time that gaps take, copy followed sketches, and light the edges of pictures.
     # 190 lines are for worlds of any size.
     # 90 lines give bodies their mass wherever they lie.
-    # 180 lines write pages that play.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_405),
+    # 220 lines write pages that play, and their texts.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_445),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -32,8 +32,8 @@ LIMITS = {
     # 120 lines compare findings about coarse levels with what the levels do.
     "laboratory": (("lab/**.py",), 8_530),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
-    # of the event loop that bound what clients can cost.
-    "service": (("service/**.py",), 9_850),
+    # of the event loop that bound what clients can cost. 160 lines write the gallery as a site.
+    "service": (("service/**.py",), 10_010),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -46,8 +46,8 @@ LIMITS = {
     # 200 lines pass gaps of some cells, copy sketches that are followed, and photograph them.
     # 190 lines simulate worlds that are no cube of one metre.
     # 20 lines weigh bodies.
-    # 190 lines play pages in a browser, and hold their bits against the native ones.
-    "tests": (("tests/**.py",), 30_720),
+    # 280 lines play pages and a site in a browser, and hold their bits against the native ones.
+    "tests": (("tests/**.py",), 30_810),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
