@@ -2,11 +2,14 @@
 # Set PYTHON to use an interpreter other than python3. No target needs root.
 PYTHON ?= python3
 VENV := .venv
-BIN := $(VENV)/bin
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
+DIST ?= dist
+# By zig the wheel needs no newer glibc than 2.17. Builds for macOS and Windows set other flags.
+WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site web clean
+.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site web wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -61,6 +64,19 @@ site: setup ## write the gallery as pages that play, a static folder for any web
 web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names what it needs
 	rust/web/build.sh
 
+# Archives carry the time of the last commit and no path of the machine, so that two builds are equal.
+wheel release: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct)
+wheel release: export RUSTFLAGS = --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$(or $(CARGO_HOME),$(HOME)/.cargo)=cargo
+wheel: $(VENV)/.release ## the library's wheel for this platform in dist; WHEEL_FLAGS go to maturin
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --release --locked --target-dir target/wheel --interpreter $(BIN)/python \
+	$(WHEEL_FLAGS) --out $(DIST)
+
+release: wheel ## all that a release consists of in dist, with checksums and its text; uploads nothing
+	$(BIN)/maturin sdist --out $(DIST)
+	cd service && ../$(BIN)/python -m hatchling build --directory $(abspath $(DIST))
+	awk '/^## /{n++} n==1' CHANGELOG.md >$(DIST)/RELEASE.md
+	cd $(DIST) && sha256sum *.whl *.tar.gz >SHA256SUMS && cat SHA256SUMS
+
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist
 
@@ -98,4 +114,8 @@ $(VENV)/.service: $(VENV)/.library service/pyproject.toml
 $(VENV)/.dev: $(VENV)/.service pyproject.toml lab/pyproject.toml
 	$(BIN)/pip install --quiet --group dev
 	$(BIN)/pip install --quiet --no-deps --editable lab
+	touch $@
+
+$(VENV)/.release: $(VENV)/.venv pyproject.toml
+	$(BIN)/pip install --quiet --group release
 	touch $@

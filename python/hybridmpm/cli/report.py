@@ -72,7 +72,7 @@ def _encoder() -> Finding:
 
 def _service() -> Finding:
     if importlib.util.find_spec("hybridmpm_service") is None:
-        return Finding("service", "missing", "pip install hybridmpm-service, for `hybridmpm serve`")
+        return Finding("service", "missing", "pip install 'hybridmpm[service]', for `hybridmpm serve`")
     try:
         version = importlib.metadata.version("hybridmpm-service")
     except importlib.metadata.PackageNotFoundError:

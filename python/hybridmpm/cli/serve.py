@@ -17,6 +17,6 @@ def serve(ctx: click.Context, *, arguments: tuple[str, ...]) -> None:
     except ModuleNotFoundError as error:
         missing = "" if error.name == "hybridmpm_service" else f" completely, {error.name} is missing"
         raise click.ClickException(
-            f"the service is not installed{missing}; install it with: pip install hybridmpm-service"
+            f"the service is not installed{missing}; install it with: pip install 'hybridmpm[service]'"
         ) from None
     ctx.exit(service.main(arguments, "hybridmpm serve"))

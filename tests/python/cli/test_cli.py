@@ -270,14 +270,14 @@ def test_serve_has_all_flags_of_the_service() -> None:
 
 def test_serve_without_the_service_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "hybridmpm_service", None)
-    assert_fails(run("serve"), 1, "pip install hybridmpm-service")
+    assert_fails(run("serve"), 1, "pip install 'hybridmpm[service]'")
 
 
 def test_serve_names_a_library_that_the_service_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == "hybridmpm_service"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    assert_fails(run("serve"), 1, "uvicorn is missing; install it with: pip install hybridmpm-service")
+    assert_fails(run("serve"), 1, "uvicorn is missing; install it with: pip install 'hybridmpm[service]'")
 
 
 def test_a_run_in_two_parts_is_the_run_in_one(tmp_path: Path, scene_file: Path) -> None:
