@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site web wheel release clean
+.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site docs web wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -63,6 +63,9 @@ site: setup ## write the gallery as pages that play, a static folder for any web
 
 web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names what it needs
 	rust/web/build.sh
+
+docs: setup $(VENV)/.docs ## the documentation as a site in dist/docs, which needs no server and no network
+	$(BIN)/python -m sphinx --fail-on-warning --quiet -c docs/site . $(DIST)/docs
 
 # Archives carry the time of the last commit and no path of the machine, so that two builds are equal.
 wheel release: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct)
@@ -118,4 +121,8 @@ $(VENV)/.dev: $(VENV)/.service pyproject.toml lab/pyproject.toml
 
 $(VENV)/.release: $(VENV)/.venv pyproject.toml
 	$(BIN)/pip install --quiet --group release
+	touch $@
+
+$(VENV)/.docs: $(VENV)/.venv pyproject.toml
+	$(BIN)/pip install --quiet --group docs
 	touch $@

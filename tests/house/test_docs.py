@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -137,3 +138,11 @@ def test_each_version_of_the_solver_has_its_row() -> None:
     assert [row[0] for row in rows("Versions of the solver")] == [
         str(number) for number in range(1, SOLVER_VERSION + 1)
     ]
+
+
+def test_all_distributions_and_the_citation_have_one_version() -> None:
+    projects = [tomllib.loads((ROOT / f"{name}/pyproject.toml").read_text("utf-8")) for name in ("service", "lab")]
+    cited = re.findall(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    logged = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)[:1]
+    versions = [project["project"]["version"] for project in projects] + cited + logged
+    assert versions == [_core.__version__] * 4

@@ -1,0 +1,101 @@
+"""Settings of the documentation site, which `make docs` builds by Sphinx from the Markdown of this repository.
+
+Sphinx reads Python objects with their types, checks every link, and makes a search that needs no server. Sources are
+the root of the repository, so that a page links to the same files here and on a forge.
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import hybridmpm
+from docutils import nodes
+from hybridmpm_service import Settings, create_app
+
+ROOT = Path(__file__).parents[2]
+
+project = "hybridmpm"
+copyright = "the hybridmpm authors, Apache-2.0"  # noqa: A001 - the name that Sphinx reads
+release = version = hybridmpm.__version__
+root_doc = "docs/site/index"
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click", "sphinx_copybutton"]
+include_patterns = ["*.md", "docs/**/*.md", "docs/**/*.ipynb"]
+
+html_theme = "furo"
+html_title = f"hybridmpm {release}"
+html_extra_path = ["root"]
+html_show_sourcelink = False
+html_copy_source = False
+# Summaries would be fetched, which browsers refuse to pages from a disk.
+html_show_search_summary = False
+html_theme_options = {"navigation_with_keys": True}
+
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+# Outputs are committed, and a test keeps them as the library's.
+nb_execution_mode = "off"
+
+autodoc_member_order = "groupwise"
+autodoc_typehints = "signature"
+autodoc_default_options = {"members": True, "imported-members": True}
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+python_maximum_signature_line_length = 88
+# A type that has its name in two modules is found in either.
+suppress_warnings = ["ref.python"]
+
+
+def _operations(app: Any, document: nodes.document) -> None:
+    """Put the table of all operations of the HTTP interface where a page asks for it."""
+    for place in list(document.findall(nodes.comment)):
+        if place.astext().strip() == "operations":
+            place.replace_self(_table(create_app(Settings()).openapi()))
+
+
+def _table(interface: dict[str, Any]) -> nodes.Node:
+    rows = [("Operation", "What it does")]
+    for path, operations in sorted(interface["paths"].items()):
+        for method, operation in operations.items():
+            rows.append((f"{method.upper()} {path}", operation["description"].partition("\n\n")[0]))
+    group = nodes.tgroup("", *(nodes.colspec(colwidth=width) for width in (45, 55)), cols=2)
+    lines = [
+        nodes.row(
+            "",
+            nodes.entry("", nodes.paragraph("", "", nodes.literal(text=name) if index else nodes.Text(name))),
+            nodes.entry("", nodes.paragraph(text=text.replace("`", ""))),
+        )
+        for index, (name, text) in enumerate(rows)
+    ]
+    group += nodes.thead("", lines[0])
+    group += nodes.tbody("", *lines[1:])
+    return nodes.table("", group)
+
+
+def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Make what docstrings have of Markdown reStructuredText: code, bars of norms, tables."""
+    text, in_table = [], False
+    for line in lines:
+        is_row = line.lstrip().startswith("| ")
+        if is_row and not in_table:
+            text += ["::", ""]
+        elif in_table and not is_row:
+            text.append("")
+        in_table = is_row
+        plain = re.sub(r"(?<!`)`([^`]+)`(?![`_])", r"``\1``", line)
+        text.append("    " + line.strip() if is_row else re.sub(r"(?<!\\)\|", r"\|", plain))
+    lines[:] = text
+
+
+def _finish(app: Any, error: Exception | None) -> None:
+    """Add the OpenAPI document, and the files and folders to which pages link."""
+    if error is None and app.builder.format == "html":
+        document = json.dumps(create_app(Settings()).openapi(), indent=1)
+        (Path(app.outdir) / "openapi.json").write_text(document, encoding="utf-8")
+
+
+def setup(app: Any) -> None:
+    """Connect what this file adds to Sphinx."""
+    app.connect("autodoc-process-docstring", _as_rest)
+    app.connect("doctree-read", _operations)
+    app.connect("build-finished", _finish)

@@ -1,0 +1,46 @@
+"""The documentation site of `make docs`: no page is wider than the window, the search finds, nothing is fetched."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+ROOT = Path(__file__).parents[2]
+FOUND = {
+    "pressure": "hybridmpm.probes.Pressure",
+    "forces": "Forces on walls and obstacles",
+    "snapshot": "Snapshots",
+    "train": "Networks",
+    "warning": "What went wrong",
+}
+"""Words, and what their search finds."""
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_the_site_is_built_without_a_warning_and_read_from_a_disk(browser: Browser, tmp_path: Path) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = ["make", "docs", f"DIST={tmp_path}", f"PYTHON={sys.executable}"]
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
+    site = tmp_path / "docs"
+    context = browser.new_context(viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    complaints: list[str] = []
+    fetched: list[str] = []
+    page.on("console", lambda line: complaints.append(line.text))
+    page.on("request", lambda request: fetched.append(request.url))
+    files = sorted(site.rglob("*.html"))
+    assert len(files) > 50
+    for file in files:
+        page.goto(file.as_uri())
+        page.wait_for_load_state()
+        too_wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+        assert too_wide <= 0, f"{file.relative_to(site)} is {too_wide} pixels too wide"
+    for word, title in FOUND.items():
+        page.goto(f"{(site / 'search.html').as_uri()}?q={word}")
+        expect(page.locator("#search-results li", has_text=title).first).to_be_attached()
+    assert complaints == []
+    assert [url for url in fetched if not url.startswith(("file:", "data:"))] == []
