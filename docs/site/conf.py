@@ -1,7 +1,7 @@
-"""Settings of the documentation site, which `make docs` builds by Sphinx from the Markdown of this repository.
+"""Settings of the documentation site, which `make docs` builds by Sphinx from the repository's Markdown.
 
-Sphinx reads Python objects with their types, checks every link, and makes a search that needs no server. Sources are
-the root of the repository, so that a page links to the same files here and on a forge.
+Sphinx reads Python objects with their types, checks every link, and makes a search that needs no server.
+The source folder is the root of the repository, so that a page links to the same files here and on a forge.
 """
 
 import json
@@ -9,11 +9,10 @@ import re
 from pathlib import Path
 from typing import Any
 
-import hybridmpm
 from docutils import nodes
-from hybridmpm_service import Settings, create_app
 
-ROOT = Path(__file__).parents[2]
+import hybridmpm
+from hybridmpm_service import Settings, create_app
 
 project = "hybridmpm"
 copyright = "the hybridmpm authors, Apache-2.0"  # noqa: A001 - the name that Sphinx reads
@@ -46,7 +45,7 @@ python_maximum_signature_line_length = 88
 suppress_warnings = ["ref.python"]
 
 
-def _operations(app: Any, document: nodes.document) -> None:
+def _operations(_app: Any, document: nodes.document) -> None:
     """Put the table of all operations of the HTTP interface where a page asks for it."""
     for place in list(document.findall(nodes.comment)):
         if place.astext().strip() == "operations":

@@ -1,4 +1,4 @@
-"""The documentation site of `make docs`: no page is wider than the window, the search finds, nothing is fetched."""
+"""The documentation site: no page is wider than the window, the search finds, nothing is fetched."""
 
 import os
 import subprocess

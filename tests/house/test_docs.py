@@ -141,7 +141,8 @@ def test_each_version_of_the_solver_has_its_row() -> None:
 
 
 def test_all_distributions_and_the_citation_have_one_version() -> None:
-    projects = [tomllib.loads((ROOT / f"{name}/pyproject.toml").read_text("utf-8")) for name in ("service", "lab")]
+    files = [ROOT / name / "pyproject.toml" for name in ("service", "lab")]
+    projects = [tomllib.loads(file.read_text("utf-8")) for file in files]
     cited = re.findall(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
     logged = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)[:1]
     versions = [project["project"]["version"] for project in projects] + cited + logged

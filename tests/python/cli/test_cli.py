@@ -67,7 +67,7 @@ def test_a_page_that_plays_is_written_without_a_run(tmp_path: Path, scene_file: 
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith(f"wrote {page}: ")
     text = page.read_text(encoding="utf-8")
-    assert "It \\u003cfalls>." in text
+    assert "It &lt;falls&gt;." in text
     scene = ("simulate", "--scene", scene_file)
     assert_fails(run(*scene, "--out", page, "--coarse", "1/16"), 2, "make the solver without `coarse`")
     assert_fails(run(*scene, "--out", tmp_path / "absent" / "a.html"), 1, "cannot write")
