@@ -48,7 +48,7 @@ LIMITS = {
     # 20 lines weigh bodies.
     # 280 lines play pages and a site in a browser, and hold their bits against the native ones.
     # 140 lines make a release and the documentation, and try both.
-    "tests": (("tests/**.py",), 30_950),
+    "tests": (("tests/**.py",), 30_960),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
