@@ -13,6 +13,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
@@ -23,10 +24,12 @@ from hybridmpm_service.http.connection import (
     AccessMiddleware,
     AnswerMiddleware,
 )
-from hybridmpm_service.http.door import Door
+from hybridmpm_service.http.door import Door, client_of
+from hybridmpm_service.http.observed import REQUEST_ID, ObservedMiddleware
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.jobs import JobTable
+from hybridmpm_service.metrics import MEDIA_TYPE, Metrics
 from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
 from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
@@ -39,6 +42,8 @@ PAGE = Path(__file__).parent / "page"
 
 _SWEEP_SECONDS = 30.0
 """Longest time between two searches for idle sessions."""
+
+_LOCAL = frozenset({"127.0.0.1", "::1/128", "::1"})
 
 _log = logging.getLogger(__name__)
 
@@ -70,6 +75,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.rounds = Rounds()
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
+    app.state.metrics = Metrics(app.state.sessions, app.state.jobs)
     problems.install(app)
     modules = (catalogue, estimates, sessions, sketches, jobs, stream)
     routers = [module.router for module in modules]
@@ -79,6 +85,8 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         route for router in routers for route in router.routes if isinstance(route, APIRoute)
     ]
     app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
+    if settings.metrics != "off":
+        app.add_route("/metrics", _metrics, methods=["GET", "HEAD"], include_in_schema=False)
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.
     app.add_middleware(
@@ -94,10 +102,11 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
             allow_origins=settings.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
             allow_headers=["Content-Type", "Idempotency-Key", "Prefer"],
-            expose_headers=["Location", "Retry-After"],
+            expose_headers=["Location", "Retry-After", REQUEST_ID],
         )
     app.add_middleware(AccessMiddleware, hosts=settings.hosts, origins=settings.cors_origins)
     app.add_middleware(AnswerMiddleware)
+    app.add_middleware(ObservedMiddleware, metrics=app.state.metrics, operations=app.state.operations)
     _document(app)
     return app
 
@@ -135,6 +144,14 @@ def _front(request: Request) -> Response:
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
     return HTMLResponse(text, headers={"ETag": tag})
+
+
+def _metrics(request: Request) -> Response:
+    """Return the metrics, where the client may read them."""
+    host = client_of(request.scope).address
+    if request.app.state.settings.metrics == "local" and host not in _LOCAL:
+        raise HTTPException(403, "metrics are for programs on this machine; --metrics all shows them to all")
+    return Response(request.app.state.metrics.text(), media_type=MEDIA_TYPE)
 
 
 @functools.cache

@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
 from hybridmpm_service.http.connection import SURPLUS, StreamProtocol, request_protocol, stream_protocol
+from hybridmpm_service.http.observed import log_config
 from hybridmpm_service.sessions.apart import prepare
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
@@ -178,7 +179,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
     """Return a server of an application of `create_app`, with the limits of this service."""
     config = uvicorn.Config(
         app,
-        log_level=app.state.settings.log_level,
+        log_config=log_config(app.state.settings.log_level, app.state.settings.log_format),
         access_log=False,
         server_header=False,
         # Frames do not compress, and commands are short.

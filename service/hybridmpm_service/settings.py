@@ -83,7 +83,12 @@ class Settings(BaseModel):
     allows the loopback names alone, so that no web site can reach it through a name of the site's own; any
     other service allows all names."""
     log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
-    """Least severe level that is logged: critical, error, warning, info or debug."""
+    """Least severe level that is logged: critical, error, warning, info or debug. With info, each request has
+    a line."""
+    log_format: Literal["text", "json"] = "text"
+    """Format of the log: text, or json with an object on each line."""
+    metrics: Literal["local", "all", "off"] = "local"
+    """Who may read /metrics: local, which is programs on this machine; all; or off, which is nobody."""
 
     @classmethod
     def load(cls, environment: Mapping[str, str] = os.environ, **flags: Any) -> Self:

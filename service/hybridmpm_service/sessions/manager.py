@@ -52,6 +52,8 @@ class SessionManager:
     Attributes
     ----------
     clock : Clock
+    machine : Machine
+        Load of the sessions that play.
     draining : asyncio.Event
         Set once the server stops: no session can be created then, and all have been closed.
     turns : Turns
@@ -77,7 +79,7 @@ class SessionManager:
         self._replaying: set[CancelFlag] = set()
         # One core is left to the event loop and the sessions that play.
         self.turns = Turns(max(1, usable_cores() - 1))
-        self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
+        self.machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
         self._being_made = 0
@@ -195,7 +197,7 @@ class SessionManager:
         """
         origin = self.get(name)
         await self._check_room()
-        self._machine.check(origin.load, "a fork of this session")
+        self.machine.check(origin.load, "a fork of this session")
 
         async def forked() -> Revived:
             return Revived(await origin.fork(), origin.origin, origin.notice, origin.findings)
@@ -286,7 +288,7 @@ class SessionManager:
             return TooManySessionsError(
                 f"all {limit} sessions are in use; delete one, or wait until one expires"
             )
-        return self._machine.full()
+        return self.machine.full()
 
     @property
     def watched(self) -> bool:
@@ -323,8 +325,8 @@ class SessionManager:
         """Return the simulator of a new session whose estimated load fits."""
         chosen = self._solvers.make(choice, scene, scenario)
         seconds = _estimate(Origin.of(scene, chosen, scenario, None), chosen.simulator.r_p)
-        load = self._machine.load_of(seconds, scene.frame_dt, DEFAULT_SPEED)
-        self._machine.check(load, "a new session of this scene")
+        load = self.machine.load_of(seconds, scene.frame_dt, DEFAULT_SPEED)
+        self.machine.check(load, "a new session of this scene")
         return chosen
 
     async def _examined(self, turn: Turn, source: SceneSource) -> tuple[Scene, tuple[Finding, ...]]:
@@ -386,7 +388,7 @@ class SessionManager:
             made.simulation,
             made.origin,
             self.clock,
-            machine=self._machine,
+            machine=self.machine,
             turns=self.turns,
             estimate=frame_seconds or _estimate(made.origin, made.simulation.r_p),
             notice=made.notice,

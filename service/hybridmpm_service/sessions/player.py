@@ -93,11 +93,25 @@ class Machine:
         Largest sum of the loads [cores].
     threads : int >= 1
         Threads of each session.
+
+    Attributes
+    ----------
+    cores : float
+    on_turn : callable
+        Called after each turn of a player with the number of its frames, and with the time by which it began
+        too late [s].
     """
 
     def __init__(self, cores: float, threads: int) -> None:
-        self._cores, self._threads = cores, threads
+        self.cores, self._threads = cores, threads
+        self.on_turn: Callable[[int, float], object] = lambda _frames, _late: None
         self._players: set[Player] = set()
+
+    @property
+    def load(self) -> float:
+        """Load of all sessions that play [cores]."""
+        # Copied at once, since sessions may join and leave meanwhile in other threads.
+        return sum(player.load for player in list(self._players))
 
     def join(self, player: "Player") -> None:
         """Count the load of a session from now on."""
@@ -123,11 +137,11 @@ class Machine:
 
     def full(self) -> MachineFullError | None:
         """Return the refusal of any further load; None if a small one has room."""
-        load = sum(player.load for player in list(self._players))
-        if load < self._cores:
+        load = self.load
+        if load < self.cores:
             return None
         return MachineFullError(
-            f"sessions that play take {load:.2f} of {self._cores:g} cores: pause or delete a session, lower "
+            f"sessions that play take {load:.2f} of {self.cores:g} cores: pause or delete a session, lower "
             "a speed, or try again later"
         )
 
@@ -148,11 +162,10 @@ class Machine:
         MachineFullError
             The load does not fit; the message has the load, the limit and a remedy.
         """
-        # Copied at once, since sessions may join and leave meanwhile in other threads.
         others = sum(other.load for other in list(self._players) if other is not player)
-        if others > 0.0 and others + more > self._cores:
+        if others > 0.0 and others + more > self.cores:
             raise MachineFullError(
-                f"sessions that play take {others:.2f} of {self._cores:g} cores, and {who} would take about "
+                f"sessions that play take {others:.2f} of {self.cores:g} cores, and {who} would take about "
                 f"{more:.2f}: pause or delete a session, lower a speed, choose a smaller scene, or try again "
                 "later"
             )
@@ -258,18 +271,28 @@ class Player:
 
     async def run(self) -> None:
         """Play between `start` and `stop`, until this task is cancelled."""
+        due_at = 0.0
         while True:
-            await self._playing.wait()
-            next_tick = self._clock() + _TICK_SECONDS
+            if not self.playing:
+                await self._playing.wait()
+                due_at = self._clock()
+            began = self._clock()
+            next_tick = began + _TICK_SECONDS
             try:
-                self._pace.count(await self.take_turn(self._pace.due(self._clock())))
+                computed = await self.take_turn(self._pace.due(began))
+                self._pace.count(computed)
+                if computed:
+                    self._machine.on_turn(computed, max(0.0, began - due_at))
             except (SimulationError, SessionBusyError):
                 # After the first the player has been stopped; after the second it tries again.
                 pass
             except Exception:  # noqa: BLE001 - sent to the viewers; the player must live on
                 self._on_fault()
             now = self._clock()
-            await asyncio.sleep(max(0.0, next_tick - now, self._pace.wait(now)))
+            wait = self._pace.wait(now)
+            # Where frames are due already, they were to begin at the tick.
+            due_at = max(next_tick, now + wait) if wait else next_tick
+            await asyncio.sleep(max(0.0, due_at - now))
 
     async def take_turn(self, frames: int) -> int:
         """Compute frames until a turn's time is over or a command waits; return their number."""

@@ -294,6 +294,11 @@ class Turns:
                 return UnavailableError(f"work has been waiting for {longest:.0f} s, and none has begun")
         return None
 
+    def counts(self) -> dict[str, int]:
+        """Return the numbers of turns that run and that wait."""
+        running = sum(turn.running for turn in self._turns)
+        return {"running": running, "waiting": len(self._turns) - running}
+
     def close(self, error: Exception) -> None:
         """End all work, and begin none."""
         self._closed = True

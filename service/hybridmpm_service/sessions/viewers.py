@@ -110,9 +110,9 @@ class Audience:
         self._mailboxes: set[Mailbox] = set()
         self._status: str | None = None
 
-    def __bool__(self) -> bool:
-        """Whether there is a viewer."""
-        return bool(self._mailboxes)
+    def __len__(self) -> int:
+        """Return the number of viewers."""
+        return len(self._mailboxes)
 
     def join(self) -> Mailbox:
         """Return the mailbox of a new viewer."""
