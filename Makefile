@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate site docs web wheel release clean
+.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -26,6 +26,9 @@ dev: setup $(VENV)/.dev ## what tests, linters and the laboratory need besides
 
 run: setup ## set up, then the service with its page on 127.0.0.1:8000
 	$(BIN)/hybridmpm serve
+
+cluster: setup ## set up, then two nodes of the service behind HAProxy on http://127.0.0.1:8000
+	service/deploy/cluster.sh $(BIN)/python
 
 test: test-rust test-python ## set up, then the whole default test suite
 

@@ -26,6 +26,7 @@ from hybridmpm_service.http.connection import (
 )
 from hybridmpm_service.http.door import Door, client_of
 from hybridmpm_service.http.observed import REQUEST_ID, ObservedMiddleware
+from hybridmpm_service.http.peers import Peers
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.jobs import JobTable
@@ -74,7 +75,8 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.sessions = SessionManager(settings, clock)
     app.state.rounds = Rounds()
     app.state.idempotency = Idempotency()
-    app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
+    app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock, settings.node)
+    app.state.peers = Peers(settings.peers)
     app.state.metrics = Metrics(app.state.sessions, app.state.jobs)
     problems.install(app)
     modules = (catalogue, estimates, sessions, sketches, jobs, stream)

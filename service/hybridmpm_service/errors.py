@@ -11,6 +11,10 @@ class SessionNotFoundError(ServiceError):
     """The session does not exist: it was never created, or has been deleted, or has expired."""
 
 
+class OtherNodeError(ServiceError):
+    """The session or job is of another node, which a proxy would have asked."""
+
+
 class JobNotFoundError(ServiceError):
     """The job does not exist: it never did, or has been deleted, or ended long ago."""
 

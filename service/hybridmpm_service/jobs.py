@@ -4,12 +4,10 @@ import asyncio
 import contextlib
 import logging
 import os
-import re
 import shutil
 import sqlite3
 import tempfile
 import threading
-import uuid
 import zipfile
 from collections.abc import Awaitable, Callable, Generator, Iterable
 from dataclasses import dataclass
@@ -19,14 +17,13 @@ from typing import Literal, TypeAlias
 from hybridmpm.data import Outcome, Recipe, Seeds, generate, plan, produce
 from hybridmpm.errors import SimulationError
 from hybridmpm_service.errors import JobLostError, JobNotFoundError, ServiceError, TooManyJobsError
+from hybridmpm_service.sessions import names
 from hybridmpm_service.sessions.journal import locked
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.turns import Turn, Turns
 
 _log = logging.getLogger(__name__)
 
-RUN = uuid.uuid4().hex[:8]
-"""Start of the ids of all jobs of this process: it tells them from those that an earlier one lost."""
 _FOLDERS = "hybridmpm-jobs-"
 """Start of the names of temporary folders with the files of jobs."""
 
@@ -74,12 +71,21 @@ class Job:
         Parent of the folder for its files; it need not exist.
     clock : callable
         Returns the time [s].
+    run : str
+        Start of its name.
     """
 
     def __init__(
-        self, kind: Kind, session: str | None, work: Work, folder: Path, clock: Callable[[], float]
+        self,
+        kind: Kind,
+        session: str | None,
+        work: Work,
+        folder: Path,
+        clock: Callable[[], float],
+        *,
+        run: str,
     ) -> None:
-        self.id = RUN + uuid.uuid4().hex[len(RUN) :]
+        self.id = names.new(run)
         self.kind = kind
         self.session = session
         self.progress = Progress()
@@ -130,9 +136,17 @@ class JobTable:
     keep_seconds : float
         Time for which a job is kept after its end [s].
     clock : Clock
+    node : str
+        Name of this node of several, or nothing.
+
+    Attributes
+    ----------
+    run : str
+        Start of the ids of all jobs of this run of the service; those of earlier ones are lost.
     """
 
-    def __init__(self, most: int, keep_seconds: float, clock: Clock) -> None:
+    def __init__(self, most: int, keep_seconds: float, clock: Clock, node: str = "") -> None:
+        self._node, self.run = node, names.new(node)[:8]
         self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
         self._jobs: dict[str, Job] = {}
         self._folder: Path | None = None
@@ -161,7 +175,7 @@ class JobTable:
             self._lock = locked(new)
             # Under its name it is locked from the first moment, so that no other process deletes it.
             self._folder = new.rename(new.with_name(new.name.replace("hybridmpm-new-", _FOLDERS)))
-        job = Job(kind, session, work, self._folder, self._clock)
+        job = Job(kind, session, work, self._folder, self._clock, run=self.run)
         self._jobs[job.id] = job
         return job
 
@@ -170,13 +184,17 @@ class JobTable:
 
         Raises
         ------
+        OtherNodeError
+            It is of another node.
         JobLostError
             It is not of this run of the service.
         JobNotFoundError
             There is none of this name.
         """
         job = self._jobs.get(name)
-        if job is None and re.fullmatch("[0-9a-f]{32}", name) and not name.startswith(RUN):
+        if job is None:
+            names.check_node(name, self._node)
+        if job is None and names.PATTERN.fullmatch(name) and not name.startswith(self.run):
             raise JobLostError(
                 f"job {name!r} is not of the present run of the service: it and its result were lost when an "
                 "earlier run ended. Begin it again"

@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import contextlib
 import gc
+import signal
 import socket
 import sys
 import time
@@ -213,7 +214,11 @@ class _Server(uvicorn.Server):
         self._silent_until = 0.0
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        asyncio.get_running_loop().set_exception_handler(self._on_fault)
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._on_fault)
+        # Signals are of the main thread, and Windows has others.
+        with contextlib.suppress(NotImplementedError, RuntimeError, ValueError, AttributeError):
+            loop.add_signal_handler(signal.SIGUSR1, self._sessions.retire)
         await super().startup(sockets)
         for listener in sockets or ():
             # asyncio has one number for the connections that wait and those that are taken at once.

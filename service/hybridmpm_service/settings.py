@@ -76,6 +76,11 @@ class Settings(BaseModel):
     they live in memory alone."""
     models: str = ""
     """Folder of models with their manifest.json. If empty, the library's models serve."""
+    node: str = Field(default="", pattern="^([0-9a-f]{2})?$")
+    """Name of this node of several, two hexadecimal digits with which the ids of its sessions and jobs
+    begin, so that a proxy finds their owner. If empty, this is the only node."""
+    peers: _Names = ()
+    """The other nodes, separated by commas, e.g. 01=http://10.0.0.2:8000; lists contain theirs as well."""
     cors_origins: _Names = ()
     """Origins of other front ends that may use this service, separated by commas, e.g. https://a.example."""
     allowed_hosts: _Names = ()

@@ -202,10 +202,12 @@ class SessionBody(Answer):
 
 
 class SessionList(Answer):
-    """All sessions of the server."""
+    """All sessions of the server, or of all nodes."""
 
     sessions: list[SessionBody]
-    """Sessions, oldest first."""
+    """Sessions, oldest first; those of this node come first."""
+    missing_nodes: list[str] = Field(default_factory=list)
+    """Names of the nodes that did not answer, so that theirs are missing."""
 
 
 class DecisionBody(Answer):

@@ -165,10 +165,12 @@ class JobBody(Answer):
 
 
 class JobList(Answer):
-    """The jobs of the service."""
+    """The jobs of the service, or of all nodes."""
 
     jobs: list[JobBody]
-    """Running jobs and those whose results are kept, the oldest first."""
+    """Running jobs and those whose results are kept, the oldest first; those of this node come first."""
+    missing_nodes: list[str] = Field(default_factory=list)
+    """Names of the nodes that did not answer, so that theirs are missing."""
 
 
 async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:

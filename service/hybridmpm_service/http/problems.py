@@ -22,6 +22,7 @@ from hybridmpm_service.errors import (
     JobUnfinishedError,
     MachineFullError,
     ModelDamagedError,
+    OtherNodeError,
     PressureUnknownError,
     ScenarioNotFoundError,
     ServiceError,
@@ -84,6 +85,7 @@ class Row(NamedTuple):
 
 TABLE: dict[type[Exception], Row] = {
     SessionNotFoundError: Row(404, "session-not-found", "Unknown session"),
+    OtherNodeError: Row(421, "other-node", "Of another node"),
     JobLostError: Row(410, "job-lost", "Job of an earlier run of the service"),
     JobNotFoundError: Row(404, "job-not-found", "Unknown job"),
     JobUnfinishedError: Row(409, "job-unfinished", "The job has not ended"),

@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Path
+from fastapi import Depends, Path, Query
 from starlette.requests import HTTPConnection
 
+from hybridmpm_service.http.peers import Peers
 from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
 from hybridmpm_service.jobs import JobTable
 from hybridmpm_service.sessions.manager import SessionManager
@@ -22,6 +23,8 @@ def _of_application(name: str) -> Any:
 Sessions = Annotated[SessionManager, _of_application("sessions")]
 Jobs = Annotated[JobTable, _of_application("jobs")]
 Limits = Annotated[Settings, _of_application("settings")]
+OtherNodes = Annotated[Peers, _of_application("peers")]
+Here = Annotated[bool, Query(description="Whether other nodes are left out.")]
 SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 
 

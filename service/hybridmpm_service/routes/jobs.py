@@ -13,7 +13,15 @@ from hybridmpm_service.errors import FieldError, JobUnfinishedError
 from hybridmpm_service.http.jobs import JobBody, JobList, MakeDataSet, RecordSession, events
 from hybridmpm_service.jobs import MEDIA_TYPE, Phase, Progress, Result, made
 from hybridmpm_service.routes.calls import SessionRoute
-from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
+from hybridmpm_service.routes.dependencies import (
+    Here,
+    Jobs,
+    Limits,
+    OtherNodes,
+    SessionId,
+    Sessions,
+    problems,
+)
 from hybridmpm_service.sessions.work import recorded
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=SessionRoute)
@@ -35,9 +43,11 @@ _FILE = {"schema": {"type": "string", "format": "binary"}}
 
 
 @router.get("/jobs")
-async def list_jobs(jobs: Jobs) -> JobList:
-    """List the jobs, the oldest first."""
-    return JobList(jobs=[JobBody.of(job) for job in jobs.all()])
+async def list_jobs(jobs: Jobs, peers: OtherNodes, *, here: Here = False) -> JobList:
+    """List the jobs, the oldest first; with other nodes, theirs as well."""
+    others, missing = ([], []) if here else await peers.rows("jobs")
+    own = [JobBody.of(job) for job in jobs.all()]
+    return JobList(jobs=own + [JobBody(**one) for one in others], missing_nodes=missing)
 
 
 @router.get("/jobs/{job_id}", responses=problems(404, 410))

@@ -17,7 +17,7 @@ from hybridmpm_service.http.replies import (
 )
 from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.calls import SessionRoute
-from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
+from hybridmpm_service.routes.dependencies import Here, Limits, OtherNodes, SessionId, Sessions, problems
 from hybridmpm_service.sessions import scene_work
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.turns import Turns
@@ -63,9 +63,11 @@ async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
 
 
 @router.get("")
-async def list_sessions(sessions: Sessions) -> SessionList:
-    """List the sessions, oldest first."""
-    return SessionList(sessions=[SessionBody.of(session) for session in sessions.all()])
+async def list_sessions(sessions: Sessions, peers: OtherNodes, *, here: Here = False) -> SessionList:
+    """List the sessions, oldest first; with other nodes, theirs as well."""
+    others, missing = ([], []) if here else await peers.rows("sessions")
+    own = [SessionBody.of(session) for session in sessions.all()]
+    return SessionList(sessions=own + [SessionBody(**one) for one in others], missing_nodes=missing)
 
 
 @router.get("/{session_id}", responses=problems(404, 503))

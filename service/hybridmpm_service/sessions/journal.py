@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import math
-import re
 import sqlite3
 import time
 from collections.abc import Callable
@@ -12,11 +11,11 @@ from typing import Literal, TypeAlias
 
 from hybridmpm.errors import ConfigError
 from hybridmpm_service.errors import StorageError
+from hybridmpm_service.sessions import names
 from hybridmpm_service.sessions.inputs import Input, Inputs, Origin, SketchInput
 from hybridmpm_service.sessions.session_file import PART_SUFFIX, Checkpoint, SessionFile, remove, start_of
 
 _SUFFIX = ".session"
-_NAME = re.compile(r"[0-9a-f]{32}")
 
 
 def locked(folder: Path) -> sqlite3.Connection:
@@ -62,13 +61,13 @@ class Folder:
             ) from None
         # A killed process was creating them, and nobody got an answer.
         for part in path.glob(f"*{PART_SUFFIX}"):
-            if _NAME.fullmatch(part.stem):
+            if names.PATTERN.fullmatch(part.stem):
                 with contextlib.suppress(OSError):
                     remove(part)
 
     def names(self) -> list[str]:
         """Return the names of the sessions that have a file, in the order in which they began."""
-        files = [path for path in self._path.glob(f"*{_SUFFIX}") if _NAME.fullmatch(path.stem)]
+        files = [path for path in self._path.glob(f"*{_SUFFIX}") if names.PATTERN.fullmatch(path.stem)]
         starts = {path: start_of(path) for path in files if path.is_file()}
         return [path.stem for path in sorted(starts, key=lambda path: (starts[path], path.stem))]
 

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import time
-import uuid
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions import scene_work
+from hybridmpm_service.sessions import names, scene_work
 from hybridmpm_service.sessions.admission import estimated_frame_seconds, without_errors
 from hybridmpm_service.sessions.inputs import Inputs, Origin
 from hybridmpm_service.sessions.journal import Folder
@@ -56,6 +55,8 @@ class SessionManager:
         Load of the sessions that play.
     draining : asyncio.Event
         Set once the server stops: no session can be created then, and all have been closed.
+    retiring : bool
+        Whether no session can be created, while those that there are go on.
     turns : Turns
         All expensive work of the service.
 
@@ -71,6 +72,7 @@ class SessionManager:
         self._settings = settings
         self.clock = clock
         self.draining = asyncio.Event()
+        self.retiring = False
         self._solvers = SolverFactory(threads=settings.threads, folder=settings.models)
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
         self._kept = [] if self._folder is None else self._folder.names()
@@ -227,6 +229,8 @@ class SessionManager:
         ------
         SessionNotFoundError
             The session does not exist, or no longer.
+        OtherNodeError
+            It is of another node.
         UnavailableError
             The server is shutting down.
         """
@@ -238,6 +242,7 @@ class SessionManager:
             raise SessionNotFoundError(f"session {name!r} could not be started again: {self._refused[name]}")
         session = self._sessions.get(name)
         if session is None or self._is_idle(session):
+            names.check_node(name, self._settings.node)
             raise SessionNotFoundError(
                 f"there is no session {name[:64]!r}; it may have been deleted, or have expired after "
                 f"{self._settings.idle_seconds:g} s without use"
@@ -282,6 +287,8 @@ class SessionManager:
         """Return the refusal of a new session; None if one can be created."""
         if self.draining.is_set():
             return UnavailableError("the server is shutting down")
+        if self.retiring:
+            return UnavailableError("this node is being drained: it keeps its sessions and takes no new ones")
         limit = self._settings.max_sessions
         # Sessions that end take memory and a core as long as their threads run.
         if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
@@ -294,6 +301,11 @@ class SessionManager:
     def watched(self) -> bool:
         """Whether any session has a viewer."""
         return any(session.watched for session in self._sessions.values())
+
+    def retire(self) -> None:
+        """Take no new sessions from now on; those that there are go on."""
+        self.retiring = True
+        _log.warning("this node takes no new sessions any more, for it is to be drained")
 
     def drain(self) -> None:
         """Begin a stop: create no more sessions, and close all, their streams with code 1001."""
@@ -366,7 +378,7 @@ class SessionManager:
                 journal.discard()
                 journal.close()
 
-        name = uuid.uuid4().hex
+        name = names.new(self._settings.node)
         self._being_made += 1
         keeping = asyncio.get_running_loop().create_task(kept())
         try:

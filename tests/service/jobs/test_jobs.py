@@ -213,14 +213,12 @@ def test_results_lie_on_disk_as_long_as_the_service_runs(start: Callable[..., An
     assert not folder.exists()
 
 
-def test_a_job_of_an_earlier_run_is_told_lost(
-    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_job_of_an_earlier_run_is_told_lost(start: Callable[..., Any]) -> None:
     service = start()
     job = service.ended(_record(service, service.create(), frames=2).json())
     # The same process stands in for a later one.
     service.app.state.jobs._jobs.clear()
-    monkeypatch.setattr(jobs, "RUN", "0badcafe")
+    service.app.state.jobs.run = "0badcafe"
     for name in ("self", "events", "result"):
         body = problem(service.http.get(job["links"][name]), 410)
         assert body["type"] == "urn:hybridmpm:problem:job-lost"

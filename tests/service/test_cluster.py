@@ -1,0 +1,205 @@
+"""Two nodes behind HAProxy: each session has an owner, whom the proxy finds by its name."""
+
+import asyncio
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, Service, Stream, problem
+from websockets.sync.client import connect
+
+from hybridmpm import ConfigError
+from hybridmpm_service.http.peers import Peers
+
+CONFIGURATION = Path(__file__).parents[2] / "service" / "deploy" / "cluster.cfg"
+
+
+def free() -> str:
+    """Return an address that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+class Node:
+    """A process of the service that may be killed and started again."""
+
+    def __init__(self, name: str, address: str, folder: Path, peer: str) -> None:
+        flags = ["--port", address.partition(":")[2], "--node", name, "--state-folder", str(folder / name)]
+        flags += ["--peers", peer, "--max-load", "64"]
+        self._command = [sys.executable, "-m", "hybridmpm_service", *flags]
+        self.url = f"http://{address}"
+        self.start()
+
+    def start(self) -> None:
+        """Start the process, and wait until it answers."""
+        self.process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL)
+        until(lambda: answers(f"{self.url}/livez"))
+
+    def end(self, number: signal.Signals = signal.SIGKILL) -> None:
+        """End the process by a signal."""
+        self.process.send_signal(number)
+        self.process.wait(WAIT_SECONDS)
+
+
+def answers(url: str) -> bool:
+    """Return whether a GET succeeds."""
+    try:
+        return httpx.get(url, timeout=WAIT_SECONDS).is_success
+    except httpx.TransportError:
+        return False
+
+
+def until(happened: Callable[[], object]) -> None:
+    """Wait for what has no event."""
+    deadline = time.monotonic() + WAIT_SECONDS
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+class Cluster:
+    """Two nodes, and a proxy before them."""
+
+    def __init__(self, stack: ExitStack, folder: Path, haproxy: str) -> None:
+        places = {"00": free(), "01": free()}
+        peers = {"00": f"01=http://{places['01']}", "01": f"00=http://{places['00']}"}
+        self.nodes = {}
+        for name, place in places.items():
+            self.nodes[name] = node = Node(name, place, folder, peers[name])
+            stack.callback(node.end)
+        self.address = free()
+        self._environment = os.environ | {f"NODE_{name}": place for name, place in places.items()}
+        self._haproxy = haproxy
+        self.proxy = self.start_proxy()
+        stack.callback(self.end_proxy)
+        self.http = httpx.Client(base_url=f"http://{self.address}", timeout=WAIT_SECONDS)
+        stack.callback(self.http.close)
+        until(lambda: answers(f"http://{self.address}/readyz"))
+
+    def start_proxy(self) -> "subprocess.Popen[bytes]":
+        """Start HAProxy."""
+        environment = self._environment | {"LISTEN": self.address}
+        return subprocess.Popen([self._haproxy, "-db", "-f", CONFIGURATION], env=environment)
+
+    def end_proxy(self) -> None:
+        """Kill HAProxy."""
+        self.proxy.kill()
+        self.proxy.wait(WAIT_SECONDS)
+
+    def create(self, **headers: str) -> str:
+        """Create a session through the proxy and return its name."""
+        answer = self.http.post("/v1/sessions", json={"scene": SMALL_SCENE}, headers=headers)
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    def digest(self, name: str) -> str:
+        """Return the digest of a session's state."""
+        return str(self.http.get(f"/v1/sessions/{name}/log").json()["digest"])
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """Return two nodes behind HAProxy."""
+    haproxy = shutil.which("haproxy", path=f"{os.environ['PATH']}:/usr/sbin")
+    if haproxy is None:
+        assert "CI" not in os.environ, "HAProxy is missing: apt-get install haproxy"
+        pytest.skip("needs HAProxy: apt-get install haproxy")
+    with ExitStack() as stack:
+        yield Cluster(stack, tmp_path, haproxy)
+
+
+def test_a_node_that_is_killed_loses_nothing_and_the_other_goes_on(cluster: Cluster) -> None:
+    names = [cluster.create() for _ in range(8)]
+    owners = {name: name[:2] for name in names}
+    assert set(owners.values()) == {"00", "01"}, "new sessions go to both nodes"
+    for name in names:
+        cluster.http.post(f"/v1/sessions/{name}/advance", json={"frames": 3})
+    digests = {name: cluster.digest(name) for name in names}
+    one = {cluster.create(**{"Idempotency-Key": "twice"}) for _ in range(6)}
+    assert len(one) == 1, "a key meets its node again"
+
+    cluster.end_proxy()
+    cluster.proxy = cluster.start_proxy()
+    until(lambda: answers(f"http://{cluster.address}/readyz"))
+    assert {name: cluster.digest(name) for name in names} == digests, "the proxy keeps nothing"
+
+    cluster.nodes["01"].end()
+    lost = [name for name in names if owners[name] == "01"]
+    kept = [name for name in names if owners[name] == "00"]
+    until(lambda: cluster.http.get(f"/v1/sessions/{lost[0]}").status_code == 503)
+    answer = cluster.http.get(f"/v1/sessions/{lost[0]}")
+    assert int(answer.headers["Retry-After"]) > 0
+    assert cluster.digest(kept[0]) == digests[kept[0]]
+    assert cluster.create()[:2] == "00"
+    listed = cluster.http.get("/v1/sessions").json()
+    assert listed["missing_nodes"] == ["01"]
+    assert {body["id"] for body in listed["sessions"]} >= set(kept)
+
+    cluster.nodes["01"].start()
+    until(lambda: all(cluster.http.get(f"/v1/sessions/{name}").is_success for name in lost))
+    assert {name: cluster.digest(name) for name in names} == digests
+    listed = cluster.http.get("/v1/sessions").json()
+    assert listed["missing_nodes"] == []
+    assert {body["id"] for body in listed["sessions"]} >= set(names)
+
+
+def test_a_node_is_drained_and_its_sessions_move(cluster: Cluster) -> None:
+    name = cluster.create()
+    old, new = name[:2], "01" if name.startswith("00") else "00"
+    cluster.http.post(f"/v1/sessions/{name}/advance", json={"frames": 5})
+    cluster.nodes[old].process.send_signal(signal.SIGUSR1)
+    until(lambda: not answers(f"{cluster.nodes[old].url}/readyz"))
+    until(lambda: {cluster.create()[:2] for _ in range(2)} == {new})
+    with connect(f"ws://{cluster.address}/v1/sessions/{name}/stream", compression=None) as connection:
+        stream = Stream(connection)
+        stream.send(type="play")
+        assert stream.reach(8).number >= 8, "what was there goes on"
+        stream.send(type="pause")
+        stream.status(playing=False)
+    log = cluster.http.get(f"/v1/sessions/{name}/log").json()
+    moved = cluster.http.post("/v1/sessions", json={"log": log}).json()
+    assert moved["id"][:2] == new
+    assert moved["notice"] is None
+    assert cluster.digest(moved["id"]) == log["digest"]
+    cluster.http.delete(f"/v1/sessions/{name}")
+    cluster.nodes[old].end(signal.SIGTERM)
+    assert cluster.digest(moved["id"]) == log["digest"]
+
+
+def test_a_node_owns_what_begins_with_its_name(start: Callable[..., Service]) -> None:
+    service = start(node="0a")
+    path = service.create()
+    assert path.rpartition("/")[2].startswith("0a")
+    job: dict[str, Any] = service.http.post(f"{path}/recordings", json={"frames": 1, "format": "npz"}).json()
+    assert job["id"].startswith("0a")
+    service.ended(job)
+    for address in (f"/v1/sessions/0b{'0' * 30}", f"/v1/jobs/0b{'0' * 30}"):
+        body = problem(service.http.get(address), 421)
+        assert "is of node 0b, and this is node 0a" in body["detail"]
+    problem(service.http.get(f"/v1/sessions/0a{'0' * 30}"), 404)
+    problem(service.http.get(f"/v1/jobs/0a{'0' * 30}"), 410)
+
+
+@pytest.mark.parametrize("text", ["01", "01=10.0.0.2:8000", "1=http://a", "=http://a"])
+def test_peers_have_names_and_addresses(text: str) -> None:
+    with pytest.raises(ConfigError, match="a peer is written 01=http://host:port"):
+        Peers([text])
+
+
+def test_a_peer_that_is_no_service_is_missing(service: Service) -> None:
+    peers = Peers([f"01=http://{service.address}/v1/scenarios", f"02=http://{service.address}"])
+    path = service.create()
+    rows, missing = asyncio.run(peers.rows("sessions"))
+    assert missing == ["01"]
+    assert path in {row["links"]["self"] for row in rows}
