@@ -20,17 +20,18 @@ LIMITS = {
     # 240 lines count the time that gaps take, copy followed sketches, and light the edges of pictures.
     # 190 lines are for worlds of any size.
     # 90 lines give bodies their mass wherever they lie.
+    # 30 lines compare materials by their stiffness over their density.
     # 220 lines write pages that play, and their texts.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_445),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_480),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
     # 60 lines pour heaps of sand, whose slope no other case shows.
-    # 60 lines let bodies float.
+    # 60 lines let bodies float; 60 drop sand.
     # 120 lines compare findings about coarse levels with what the levels do.
-    "laboratory": (("lab/**.py",), 8_530),
+    "laboratory": (("lab/**.py",), 8_590),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 160 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.

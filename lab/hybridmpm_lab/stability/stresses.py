@@ -217,7 +217,7 @@ def _density_ratio(of: str, dim: int, ratio: float) -> Trial:
     light = Box(
         lower=(0.4, _FLOOR, 0.4)[:dim],
         upper=(0.6, _FLOOR + 0.1, 0.6)[:dim],
-        material=_material(of, density=1000.0 / ratio),
+        material=_material(of, density=_material(of).density / ratio),
     )
     heavy = Box(lower=(0.4, _FLOOR + 0.1, 0.4)[:dim], upper=(0.6, _FLOOR + 0.2, 0.6)[:dim], material=of)
     return Trial(scene(dim, light, heavy), _FRAMES // 2)

@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 
 from hybridmpm.scenarios.placement import RampShape, Span
+from hybridmpm.scene import Sand, Water
+
+DENSE_AS_WATER = Sand(density=1000.0, youngs_modulus=1e6)
+"""Sand of the scenario with water. The networks were trained on it, and all its results are of it."""
 
 _RAMPS = RampShape(length=(0.15, 0.35), thickness=(0.02, 0.03), steepest=50.0)
 
@@ -27,7 +31,7 @@ class Sampler:
     frames: int
     """Suggested number of frames, that of the paper's data."""
     max_particles: int
-    materials: tuple[str, ...]
+    materials: tuple[Water | Sand, ...]
     """Materials of the blocks. Each appears at least once; further blocks draw one of them."""
     velocity: VelocityRanges
     salt: int
@@ -55,7 +59,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=2,
         frames=1000,
         max_particles=4000,
-        materials=("water",),
+        materials=(Water(),),
         velocity=_WATER,
         top=0.7,
         salt=1,
@@ -65,7 +69,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=2,
         frames=600,
         max_particles=3300,
-        materials=("water",),
+        materials=(Water(),),
         velocity=_WATER,
         ramps=(1, 4),
         salt=2,
@@ -75,7 +79,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=2,
         frames=320,
         max_particles=4000,
-        materials=("sand",),
+        materials=(Sand(),),
         velocity=_SAND,
         salt=3,
     ),
@@ -84,7 +88,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=2,
         frames=400,
         max_particles=3300,
-        materials=("sand",),
+        materials=(Sand(),),
         velocity=_SAND,
         ramps=(1, 4),
         salt=4,
@@ -94,7 +98,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=3,
         frames=800,
         max_particles=4000,
-        materials=("water",),
+        materials=(Water(),),
         velocity=_WATER,
         fill=(0.45, 0.9),
         top=0.7,
@@ -105,7 +109,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=3,
         frames=350,
         max_particles=4000,
-        materials=("sand",),
+        materials=(Sand(),),
         velocity=_SAND,
         fill=(0.45, 0.9),
         salt=6,
@@ -115,7 +119,7 @@ SAMPLERS: dict[str, Sampler] = {
         dim=2,
         frames=500,
         max_particles=4000,
-        materials=("water", "sand"),
+        materials=(Water(), DENSE_AS_WATER),
         velocity=_WATER,
         blocks=(2, 3),
         salt=7,
@@ -157,7 +161,7 @@ def _row(name: str, sampler: Sampler) -> tuple[str, ...]:
         str(sampler.dim),
         str(sampler.frames),
         str(sampler.max_particles),
-        ", ".join(sampler.materials),
+        ", ".join(_named(material) for material in sampler.materials),
         _span(sampler.blocks),
         _span(sampler.fill),
         f"{sampler.top:g} of the height",
@@ -166,6 +170,11 @@ def _row(name: str, sampler: Sampler) -> tuple[str, ...]:
         _span(sampler.velocity.vertical),
         *ramps,
     )
+
+
+def _named(material: Water | Sand) -> str:
+    usual = type(material)().density
+    return material.kind + ("" if material.density == usual else f" of {material.density:g} kg/m^3")
 
 
 def _span(pair: Span | tuple[int, int]) -> str:

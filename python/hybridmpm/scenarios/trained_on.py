@@ -15,6 +15,10 @@ _SHARED = ("dim", "frame_dt", "spacing", "lower", "upper", "gravity")
 _MARGIN, _NEAR = 0.1, 0.01
 """Distances from a range of constants, over its width and over its end, up to which a constant counts as
 within: a scene drawn from the same ranges may lie somewhat beyond those of the training."""
+REFERENCE_DENSITY = 1000.0
+"""Density [kg/m^3] at which constants are compared where all of a scene's materials have the same one."""
+_PER_DENSITY = ("density", "youngs_modulus", "bulk_modulus")
+"""Constants that scale with it: matter of one density moves by its stiffness over its density alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +46,7 @@ class TrainedOn:
     obstacles: bool
     """Whether any scene has obstacles."""
     materials: Mapping[str, Mapping[str, tuple[float, float]]] = field(hash=False)
-    """Smallest and largest value of each constant of each material, in SI units."""
+    """Smallest and largest value of each constant of each material, in SI units, by `constants`."""
 
     def __post_init__(self) -> None:
         vectors = (self.lower, self.upper, self.gravity)
@@ -112,7 +116,9 @@ class TrainedOn:
                 low, high = self.materials[material.kind][name]
                 margin = _MARGIN * (high - low) + _NEAR * abs(high)
                 if not low - margin <= value <= high + margin:
-                    return material, name, value, (low, high)
+                    scaled = name in _PER_DENSITY and _factor(material, scene) != 1
+                    label = f"{name} per {REFERENCE_DENSITY:g} kg/m^3" if scaled else name
+                    return material, label, value, (low, high)
         return None
 
     def to_dict(self) -> dict[str, Any]:
@@ -130,17 +136,37 @@ class TrainedOn:
                 kind: {name: (float(low), float(high)) for name, (low, high) in ranges.items()}
                 for kind, ranges in plain["materials"].items()
             }
+            # Older metadata have the densities of the scenes.
+            densities = {end for ranges in plain["materials"].values() for end in ranges["density"]}
+            if len(densities) == 1:
+                factor = REFERENCE_DENSITY / densities.pop()
+                for ranges in plain["materials"].values():
+                    ranges |= {
+                        key: (factor * ranges[key][0], factor * ranges[key][1])
+                        for key in ranges.keys() & _PER_DENSITY
+                    }
             return cls(**plain)
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(f"{where} does not describe the scenes of its training: {error}") from None
 
 
 def constants(material: Material, scene: Scene) -> dict[str, float]:
-    """Return the numbers of a material of a scene by name, its stiffness as it follows from the scene."""
+    """Return the numbers of a material of a scene by name, its stiffness as it follows from the scene.
+
+    Where all materials have one density, it and the stiffness are those at `REFERENCE_DENSITY`: the scene
+    moves the same with them.
+    """
     numbers = material.model_dump(exclude={"kind", "bulk_modulus", "max_compression"})
     if isinstance(material, Water):
         numbers["bulk_modulus"] = material.stiffness(scene.potential_drop)
-    return {name: float(number) for name, number in numbers.items()}
+    factor = _factor(material, scene)
+    return {name: number * (factor if name in _PER_DENSITY else 1.0) for name, number in numbers.items()}
+
+
+def _factor(material: Material, scene: Scene) -> float:
+    """Return the reference density over a material's where all of the scene have it, else 1."""
+    same = len({one.density for one in scene.materials}) == 1
+    return REFERENCE_DENSITY / material.density if same else 1.0
 
 
 def _refuse_untrainable(scene: Scene) -> None:

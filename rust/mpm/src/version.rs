@@ -6,5 +6,5 @@
 /// solids a barrier against collapse. Version 3 rounds differently: products are fused with sums, and sand flows by
 /// matrix series. In version 4 material touches a wall at the same distance, wherever the wall lies between grid nodes.
 /// In version 5 boxes that end on a wall continue behind it. In version 6 an elastic body parts from all that it touches,
-/// and obstacles act at their surface.
+/// obstacles act at their surface, and sand that falls lies.
 pub const SOLVER_VERSION: u32 = 6;

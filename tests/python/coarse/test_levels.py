@@ -312,7 +312,7 @@ def test_snapshots_hold_the_settings_of_the_level(tmp_path: Path) -> None:
 
 def test_softened_materials() -> None:
     assert Water(max_compression=0.02).softened(0.5, 4.0).stiffness(4.0) == 0.5 * 1000 * 4 / 0.02
-    assert Sand().softened(0.25, 0.0).youngs_modulus == 0.25e6
+    assert Sand().softened(0.25, 0.0).youngs_modulus == 0.4e6
     assert Elastic().softened(0.5, 0.0).youngs_modulus == 1.5e5
 
 

@@ -21,6 +21,7 @@ from hybridmpm import (
     GraphSizeError,
     Motion,
     NeuralPhysics,
+    Sand,
     Scene,
     UnknownScenarioError,
     Water,
@@ -30,6 +31,7 @@ from hybridmpm import (
 from hybridmpm.errors import SimulationError
 from hybridmpm.physics import NeuralModel, manifest
 from hybridmpm.physics.manifest import WEIGHTS
+from hybridmpm.scenarios.trained_on import TrainedOn
 from hybridmpm.training.export import exported_model
 
 
@@ -187,6 +189,35 @@ def test_scenes_of_other_numbers_are_refused(model: NeuralModel, model_3d: Neura
     with pytest.raises(ConfigError, match="trained on sand_3d, without obstacles; the scene has 1"):
         model_3d.check(scenarios.sand_3d(0).model_copy(update={"obstacles": (ball,)}))
     model.check(scenarios.water_ramps_2d(1))
+
+
+def test_density_alone_matters_beside_another_one_only(model_3d: NeuralModel) -> None:
+    """Matter of one density moves by its stiffness over its density alone."""
+    scene = scenarios.sand_3d(0)
+
+    def of(material: Sand) -> Scene:
+        return scene.model_copy(
+            update={"bodies": tuple(body.model_copy(update={"material": material}) for body in scene.bodies)}
+        )
+
+    for density in (500.0, 1000.0, 2700.0):
+        model_3d.check(of(Sand(density=density, youngs_modulus=1000 * density)))
+    with pytest.raises(ConfigError, match=r"youngs_modulus per 1000 kg/m\^3 1e\+06; .* kg/m\^3 625000"):
+        model_3d.check(of(Sand(youngs_modulus=1e6)))
+    known = TrainedOn.of_scenarios(("water_2d", "sand_2d", "water_sand_2d"))
+    mixed = scenarios.water_sand_2d(0)
+    assert known.constant_beyond(mixed) is None
+    heavy = tuple(
+        body.model_copy(update={"material": Sand()}) if isinstance(body.material, Sand) else body
+        for body in mixed.bodies
+    )
+    beyond = known.constant_beyond(mixed.model_copy(update={"bodies": heavy}))
+    assert beyond is not None
+    assert beyond[1:] == ("density", 1600.0, (1000.0, 1000.0))
+    # Metadata of before, with the density of the scenes.
+    plain = TrainedOn.of([scene]).to_dict()
+    plain["materials"]["sand"] |= {"density": (800.0, 800.0), "youngs_modulus": (8e5, 8e5)}
+    assert TrainedOn.from_dict(plain, where="file").constant_beyond(scene) is None
 
 
 def _changed(data: bytes, change: Callable[[onnx.ModelProto], None]) -> bytes:

@@ -219,7 +219,7 @@ def test_pressure_of_the_core_is_that_of_the_equation_of_state() -> None:
     heap.advance(300)
     found = float(heap.probe(PatchPressure([0.2, 0.11], [0.3, 0.15])))
     # The mean of the stresses of sand is below the vertical one, whose share rests on the walls.
-    assert 0.3 * 1000 * G * 0.17 < found < 1.05 * 1000 * G * 0.17
+    assert 0.3 * 1600 * G * 0.17 < found < 1.05 * 1600 * G * 0.17
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,15 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn initial_state(&self, volume_ratio: f32) -> Self::State;
     /// tau = J sigma [Pa].
     fn kirchhoff_stress(&self, states: &<Self::State as State>::Block) -> Symmetrics<D>;
-    /// Deforms by the velocity gradient `affine[row][column]` [1/s] over `dt` [s], and lets plastic flow happen.
-    fn deform(&self, states: &mut <Self::State as State>::Block, affine: &[[Lanes; D]; D], dt: f32);
+    /// Deforms by the velocity gradient `affine[row][column]` [1/s] over `dt` [s], and lets plastic flow happen. Rates
+    /// up to `slow` [1/s] are those of matter at rest or in slow flow.
+    fn deform(
+        &self,
+        states: &mut <Self::State as State>::Block,
+        affine: &[[Lanes; D]; D],
+        dt: f32,
+        slow: f32,
+    );
     /// Whether `correct_volume` does anything.
     fn corrects_volume(&self) -> bool {
         false

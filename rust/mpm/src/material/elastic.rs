@@ -95,7 +95,7 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     #[inline(always)]
-    fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
+    fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32, _slow: f32) {
         let mut change_squared = [0.0; LANES];
         for row in affine {
             for entry in row {
@@ -224,7 +224,7 @@ mod tests {
         let lame = Lame::new(1.0e6, 0.3);
         let mut block = Matrix::<2>::identity().splat();
         for _ in 0..steps {
-            Elastic { lame }.deform(&mut block, &affine, 1.0);
+            Elastic { lame }.deform(&mut block, &affine, 1.0, 0.0);
         }
         let each = (1.0 + f64::from(contraction)).powi(2) + f64::from(turn).powi(2);
         let error = f64::from(determinant(&Matrix::load(&block, 0))) - each.powi(steps);

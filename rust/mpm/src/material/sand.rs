@@ -30,6 +30,10 @@ const SMALLEST_SQUARE: f32 = 1.0e-8;
 /// more in each substep, until its volume overflows.
 const LARGEST_GAIN: f32 = 10.0;
 
+/// Compression that sand gives up besides, as it expands faster than slow flow, over the expansion beyond: a blow presses
+/// grains together for good. What is pressed as a spring returns 1 / (1 + LOSS) of its energy.
+const LOSS: f32 = 5.0;
+
 impl Sand {
     /// `friction_angle` in degrees.
     pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
@@ -42,9 +46,15 @@ impl Sand {
         }
     }
 
-    /// Takes the Hencky strains to or into the yield surface, and sets the log of the volume gained. Without branches.
+    /// Takes the Hencky strains to or into the yield surface, less the compression `given_up`, and sets the log of the
+    /// volume gained. Without branches.
     #[inline(always)]
-    fn return_mapping<const D: usize>(&self, strain: &mut Split<D>, gained: &mut Lanes) {
+    fn return_mapping<const D: usize>(
+        &self,
+        strain: &mut Split<D>,
+        gained: &mut Lanes,
+        given_up: &Lanes,
+    ) {
         let Lame { mu, lambda } = self.lame;
         let slope = self.alpha * (D as f32 * lambda + 2.0 * mu) / (2.0 * mu);
         let half_norm_squared = strain.deviator.half_norm_squared();
@@ -56,12 +66,16 @@ impl Sand {
             let excess = norm + slope * trace;
             let beyond = excess > 0.0;
             let back = if beyond { excess } else { 0.0 } / if beyond { norm } else { 1.0 };
-            let kept = if apart { 0.0 } else { 1.0 - back };
+            let left = trace + given_up[i];
+            let left = if left < 0.0 { left } else { 0.0 };
+            // Of all strains, so that the stress stays on its side of the cone.
+            let part = left / if apart { 1.0 } else { trace };
+            let kept = if apart { 0.0 } else { (1.0 - back) * part };
             for k in 0..D {
                 strain.deviator.diagonal[k][i] *= kept;
                 strain.deviator.shear[k][i] *= kept;
             }
-            strain.mean[i] = if apart { 0.0 } else { trace / D as f32 };
+            strain.mean[i] = if apart { 0.0 } else { left / D as f32 };
             let remembered = apart & self.volume_correction;
             let gain = if trace < LARGEST_GAIN {
                 trace
@@ -72,11 +86,12 @@ impl Sand {
         }
     }
 
-    /// Flows back to the yield surface from the squared stretches in `states`, and updates the stress.
+    /// Flows back to the yield surface from the squared stretches in `states`, less the compression `given_up`, and
+    /// updates the stress.
     #[inline(always)]
-    fn flow<const D: usize>(&self, states: &mut SandBlock<D>) {
+    fn flow<const D: usize>(&self, states: &mut SandBlock<D>, given_up: &Lanes) {
         let mut strain = logarithm(&states.stretch_squared, SMALLEST_SQUARE).scaled(0.5);
-        self.return_mapping(&mut strain, &mut states.volume_gain);
+        self.return_mapping(&mut strain, &mut states.volume_gain, given_up);
         let Lame { mu, lambda } = self.lame;
         let bulk = D as f32 * lambda + 2.0 * mu;
         for i in 0..LANES {
@@ -101,7 +116,7 @@ impl<const D: usize> Constitutive<D> for Sand {
             volume_gain: 0.0,
         }
         .splat();
-        self.flow(&mut states);
+        self.flow(&mut states, &[0.0; LANES]);
         SandState::load(&states, 0)
     }
 
@@ -111,9 +126,21 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     #[inline(always)]
-    fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
+    fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], dt: f32, slow: f32) {
         states.stretch_squared = states.stretch_squared.deformed(affine, dt);
-        self.flow(states);
+        let mut given_up = [0.0; LANES];
+        for i in 0..LANES {
+            let mut beyond = -slow;
+            for axis in 0..D {
+                beyond += affine[axis][axis][i];
+            }
+            given_up[i] = if beyond > 0.0 {
+                LOSS * dt * beyond
+            } else {
+                0.0
+            };
+        }
+        self.flow(states, &given_up);
     }
 
     fn corrects_volume(&self) -> bool {
@@ -250,5 +277,48 @@ impl<const D: usize> State for SandState<D> {
             kirchhoff_stress,
             volume_gain: take(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE: f32 = 8.0;
+    const DT: f32 = 1.0e-4;
+
+    /// Mean strain, and squared norm of the deviator over its square, of sand that is pressed and sheared, and then
+    /// expands by a thousandth at `RATE`.
+    fn after_expansion(slow: f32) -> (f32, f32) {
+        let sand = Sand::new(Lame::new(1.6e6, 0.2), 40.0, true);
+        let mut states = Constitutive::<2>::initial_state(&sand, 1.0).splat();
+        let mut deform = |xx: f32, yy: f32, steps: usize| {
+            let affine = [[[xx; LANES], [0.0; LANES]], [[0.0; LANES], [yy; LANES]]];
+            for _ in 0..steps {
+                sand.deform(&mut states, &affine, DT, slow);
+            }
+        };
+        deform(-60.0, -40.0, 10);
+        deform(0.5 * RATE, 0.5 * RATE, 12);
+        let strain = logarithm(&states.stretch_squared, SMALLEST_SQUARE).scaled(0.5);
+        let deviator = strain.deviator.half_norm_squared()[0];
+        (strain.mean[0], deviator / strain.mean[0].powi(2))
+    }
+
+    #[test]
+    fn slow_expansion_is_elastic() {
+        let (mean, _) = after_expansion(RATE);
+        assert!((mean - (-0.05 + 0.0048)).abs() < 3.0e-4, "{mean}");
+    }
+
+    #[test]
+    fn fast_expansion_gives_up_more_and_stays_on_its_side_of_the_cone() {
+        let (slow, slope) = after_expansion(RATE);
+        let (fast, steeper) = after_expansion(0.875 * RATE);
+        let given_up = LOSS * 0.125 * RATE * DT * 12.0 / 2.0;
+        assert!((fast - slow - given_up).abs() < 1.0e-4, "{slow} {fast}");
+        assert!(steeper <= slope * 1.2, "{slope} {steeper}");
+        // All of it at most: no tension.
+        assert!(after_expansion(-10.0 * RATE).0 == 0.0);
     }
 }

@@ -56,7 +56,7 @@ impl<const D: usize> Constitutive<D> for Water {
     }
 
     #[inline(always)]
-    fn deform(&self, volume_ratios: &mut Lanes, affine: &[[Lanes; D]; D], dt: f32) {
+    fn deform(&self, volume_ratios: &mut Lanes, affine: &[[Lanes; D]; D], dt: f32, _slow: f32) {
         for i in 0..LANES {
             let divergence: f32 = (0..D).map(|axis| affine[axis][axis][i]).sum();
             let change = 1.0 + dt * divergence;

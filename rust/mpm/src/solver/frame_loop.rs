@@ -81,7 +81,7 @@ impl<const D: usize> Solver<D> {
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         Ok(Self {
             chooser,
-            bounds: Bounds::new(settings.walls, &grid.layout),
+            bounds: Bounds::new(settings.walls, &settings.gravity, &grid.layout),
             walls: WallContact::new(&settings.walls, &grid.layout),
             obstacles: Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout),
             material_friction: if uniform {

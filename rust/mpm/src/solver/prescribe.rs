@@ -254,8 +254,12 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
             let room = self.bounds.room(&stencils);
             (0..count).for_each(|i| density[i] /= room[i]);
             for _ in 0..self.steps {
-                self.material
-                    .deform(&mut block.state, &block.affine, self.step_dt);
+                self.material.deform(
+                    &mut block.state,
+                    &block.affine,
+                    self.step_dt,
+                    self.bounds.slow,
+                );
             }
             let ratios = self.material.volume_ratios(&block.state);
             for i in 0..count {

@@ -153,7 +153,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             }
             let moved = move_block(block, &stencils, &sums, grid.layout, bounds, dt);
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
-            material.deform(&mut block.state, &block.affine, dt);
+            material.deform(&mut block.state, &block.affine, dt, bounds.slow);
             let ratios = material.volume_ratios(&block.state);
             for i in 0..LANES {
                 // False for NaN.

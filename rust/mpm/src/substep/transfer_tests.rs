@@ -144,7 +144,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
             material_friction: MaterialFriction::Uniform(0.0),
             meeting: &Meeting::new(&groups, &[1.0], 1.0, None),
         },
-        bounds: &Bounds::new(walls, &layout),
+        bounds: &Bounds::new(walls, &Vector::zeros(), &layout),
     };
     let mut sums = vec![Reactions::none(0); slabs.len()];
     substep.run(
