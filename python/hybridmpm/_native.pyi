@@ -780,8 +780,16 @@ class Solver:
     def diagnostics(self) -> Diagnostics: ...
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
-    def start(self) -> bytes:
-        """Return settings and state, from which the WebAssembly module goes on with the same bits."""
+    def start(self, upsampler: Upsampler | None = None, *, redoes: bool = False) -> bytes:
+        """Return settings and state, from which the WebAssembly module goes on with the same bits.
+
+        Parameters
+        ----------
+        upsampler : Upsampler, optional
+            Source of the particles that are shown.
+        redoes : bool
+            Whether a frame that fails is done again at each material's own step.
+        """
     def restore(self, data: bytes) -> None:
         """Take the state of `data`, which must come from a solver of the same scene.
 

@@ -112,6 +112,11 @@ class Upsampler:
         )
 
     @property
+    def native(self) -> _core.Upsampler:
+        """The compiled upsampler."""
+        return self._native
+
+    @property
     def every(self) -> int:
         """Number of frames from one update to the next: 4, or 1 with emitters or sinks."""
         return self._native.every

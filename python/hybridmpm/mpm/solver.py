@@ -447,8 +447,9 @@ class MpmSolver(CoarseSimulator):
         return self._stepper.snapshot()
 
     def start_file(self) -> bytes:
-        """Return settings and present state of the particles simulated, for a page that plays."""
-        return self._stepper.solver.start()
+        """Return settings and present state for a page that plays."""
+        self._update_shown()
+        return self._stepper.start()
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene.

@@ -135,6 +135,11 @@ class MpmStepper:
                 raise
         self._redone = {frame: report for frame, report in self._redone.items() if frame <= self.solver.frame}
 
+    def start(self) -> bytes:
+        """Return settings and state for a page that plays."""
+        upsampler = None if self.upsampler is None else self.upsampler.native
+        return self.solver.start(upsampler, redoes=self._make_safe is not None)
+
     def notes(self) -> dict[str, Any]:
         """Return what a snapshot leaves out, which `take_notes` takes."""
         return {"redone": self._redone, "last": (self.solver.frame, self.last), "too_fast": self.too_fast}

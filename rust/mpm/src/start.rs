@@ -1,4 +1,4 @@
-//! All that a solver needs to go on elsewhere, as bytes: the settings, and the state as a snapshot.
+//! All that a simulation needs to go on elsewhere, as bytes: settings, and the state as a snapshot.
 //!
 //! Magic, versions of the layout and of the solver, dimension, content as postcard writes it, checksum; little-endian.
 
@@ -10,14 +10,25 @@ use crate::linalg::Vector;
 use crate::settings::SolverSettings;
 use crate::snapshot::{Reader, fnv1a};
 use crate::solver::Solver;
+use crate::substep::Substeps;
+use crate::upsampling::{CoarseParticles, Upsampler, UpsamplingConstants};
 use crate::version::SOLVER_VERSION;
 
 const MAGIC: &[u8; 8] = b"HMPMPLAY";
 /// Version of the layout of start files.
-const START_VERSION: u32 = 1;
+const START_VERSION: u32 = 2;
 /// Magic, both versions, dimension.
 const HEADER: usize = 8 + 4 + 4 + 4;
 const CHECKSUM: usize = 8;
+
+/// What a start file contains.
+pub struct Start<const D: usize> {
+    pub solver: Solver<D>,
+    /// The particles that are shown, in coarse mode.
+    pub upsampler: Option<Upsampler<D>>,
+    /// The solver of the same scene that does a failed frame again, at each material's own step.
+    pub safe: Option<Solver<D>>,
+}
 
 #[derive(Serialize, Deserialize)]
 struct Content<const D: usize> {
@@ -26,19 +37,36 @@ struct Content<const D: usize> {
     materials: Vec<u8>,
     bodies: Vec<u32>,
     snapshot: Vec<u8>,
+    shown: Option<Shown<D>>,
+    /// Whether a frame that fails is done again at each material's own step.
+    redoes: bool,
+}
+
+/// The particles that are shown in coarse mode.
+#[derive(Serialize, Deserialize)]
+struct Shown<const D: usize> {
+    settings: SolverSettings<D>,
+    constants: UpsamplingConstants,
+    count: usize,
+    snapshot: Vec<u8>,
 }
 
 impl<const D: usize> Solver<D> {
-    /// The solver as bytes.
+    /// The solver as bytes, with the particles that it is shown by. `redoes` asks for `Start::safe`.
     #[expect(clippy::missing_panics_doc, reason = "every setting can be written")]
-    pub fn start(&self) -> Vec<u8> {
-        let mut settings = self.settings().clone();
-        settings.threads = 1;
+    pub fn start(&self, upsampler: Option<&Upsampler<D>>, redoes: bool) -> Vec<u8> {
         let mut content = Content {
-            settings,
+            settings: on_one_thread(self.settings()),
             materials: vec![0; self.count()],
             bodies: vec![0; self.count()],
             snapshot: self.snapshot(),
+            shown: upsampler.map(|upsampler| Shown {
+                settings: on_one_thread(upsampler.settings()),
+                constants: upsampler.constants(),
+                count: upsampler.count(),
+                snapshot: upsampler.snapshot(),
+            }),
+            redoes,
         };
         self.write_materials(&mut content.materials);
         self.write_bodies(&mut content.bodies);
@@ -51,28 +79,96 @@ impl<const D: usize> Solver<D> {
         out.extend_from_slice(&checksum.to_le_bytes());
         out
     }
+}
 
-    /// The solver that `start` wrote; it goes on with the same bits, on one thread.
-    pub fn from_start(data: &[u8]) -> Result<Self, MpmError> {
+impl<const D: usize> Start<D> {
+    /// What `Solver::start` wrote; it goes on with the same bits, on one thread.
+    pub fn read(data: &[u8]) -> Result<Self, MpmError> {
         check(data, D as u32)?;
         let body = &data[HEADER..data.len() - CHECKSUM];
         let content: Content<D> = postcard::from_bytes(body)
             .map_err(|error| refuse(format!("its content cannot be read: {error}")))?;
-        let count = content.materials.len();
-        // The snapshot has the state; until it is restored, all particles lie in one place.
-        let middle: Vector<D> = (content.settings.walls.lower + content.settings.walls.upper) * 0.5;
-        let particles = Particles {
-            x: &middle.as_slice().repeat(count),
-            v: &vec![0.0; count * D],
-            material: &content.materials,
-            mass: &vec![1.0; count],
-            volume: &vec![1.0; count],
-            volume_ratio: None,
-            body: Some(&content.bodies),
-        };
-        let mut solver = Self::new(content.settings, particles)?;
+        let grid = (content.settings.resolution, content.settings.cells);
+        let placeholder = Placeholder::new(&content.settings, &content.materials);
+        let particles = placeholder.particles(&content.materials, Some(&content.bodies));
+        let safe = content.redoes.then(|| {
+            let substeps = Substeps::Cfl(None);
+            Solver::new(
+                SolverSettings {
+                    substeps,
+                    ..content.settings.clone()
+                },
+                particles,
+            )
+        });
+        let mut solver = Solver::new(content.settings, particles)?;
         solver.restore(&content.snapshot)?;
-        Ok(solver)
+        let upsampler = content.shown.map(|shown| shown.upsampler(grid));
+        Ok(Self {
+            solver,
+            upsampler: upsampler.transpose()?,
+            safe: safe.transpose()?,
+        })
+    }
+}
+
+impl<const D: usize> Shown<D> {
+    fn upsampler(&self, coarse_grid: (usize, [usize; D])) -> Result<Upsampler<D>, MpmError> {
+        let materials = vec![0; self.count];
+        let placeholder = Placeholder::new(&self.settings, &materials);
+        let nothing = CoarseParticles {
+            ids: &[],
+            x: &[],
+            affine: None,
+            mass: &[],
+        };
+        let mut upsampler = Upsampler::new(
+            &self.settings,
+            coarse_grid,
+            self.constants,
+            placeholder.particles(&materials, None),
+            &nothing,
+        )?;
+        upsampler.restore(&self.snapshot)?;
+        Ok(upsampler)
+    }
+}
+
+/// Particles in one place, until a snapshot is restored.
+struct Placeholder {
+    x: Vec<f32>,
+    v: Vec<f32>,
+    ones: Vec<f32>,
+}
+
+impl Placeholder {
+    fn new<const D: usize>(settings: &SolverSettings<D>, materials: &[u8]) -> Self {
+        let middle: Vector<D> = (settings.walls.lower + settings.walls.upper) * 0.5;
+        let count = materials.len();
+        Self {
+            x: middle.as_slice().repeat(count),
+            v: vec![0.0; count * D],
+            ones: vec![1.0; count],
+        }
+    }
+
+    fn particles<'a>(&'a self, material: &'a [u8], body: Option<&'a [u32]>) -> Particles<'a> {
+        Particles {
+            x: &self.x,
+            v: &self.v,
+            material,
+            mass: &self.ones,
+            volume: &self.ones,
+            volume_ratio: None,
+            body,
+        }
+    }
+}
+
+fn on_one_thread<const D: usize>(settings: &SolverSettings<D>) -> SolverSettings<D> {
+    SolverSettings {
+        threads: 1,
+        ..settings.clone()
     }
 }
 

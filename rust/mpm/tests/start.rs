@@ -3,7 +3,10 @@
 mod common;
 
 use common::{Bodies, elastic, run, sand, settings, water};
-use mpm::{Contact, ContactKind, Motion, MpmError, Obstacle, Shape, Solver, Vector};
+use mpm::{
+    CoarseParticles, Contact, ContactKind, Motion, MpmError, Obstacle, Particles, Shape, Solver,
+    Start, Upsampler, UpsamplingConstants, Vector,
+};
 
 /// Three materials in mid-splash, around an obstacle that turns.
 fn splash<const D: usize>() -> Solver<D> {
@@ -41,7 +44,7 @@ fn splash<const D: usize>() -> Solver<D> {
 
 fn check<const D: usize>() {
     let mut solver = splash::<D>();
-    let mut again = Solver::<D>::from_start(&solver.start()).unwrap();
+    let mut again = Start::<D>::read(&solver.start(None, false)).unwrap().solver;
     assert_eq!(again.snapshot(), solver.snapshot());
     run(&mut solver, 15);
     run(&mut again, 15);
@@ -54,8 +57,55 @@ fn a_start_file_goes_on_with_the_same_bits() {
     check::<3>();
 }
 
+/// Particles on a fine lattice, shown by those of `splash`.
+fn shown<const D: usize>(solver: &Solver<D>) -> Upsampler<D> {
+    let mut settings = solver.settings().clone();
+    settings.resolution *= 2;
+    settings.cells = settings.cells.map(|cells| 2 * cells);
+    let corner = |cells: f32| std::array::from_fn(|_| cells / 64.0);
+    let all = Bodies::default().block::<D>(64, corner(8.0), corner(16.0), [0.7; D], 0);
+    let (mut x, mut mass) = (vec![0.0; solver.count() * D], vec![0.0; solver.count()]);
+    solver.write_positions(&mut x);
+    solver.write_masses(&mut mass);
+    let coarse = CoarseParticles {
+        ids: solver.ids(),
+        x: &x,
+        affine: None,
+        mass: &mass,
+    };
+    let grid = (solver.settings().resolution, solver.settings().cells);
+    let constants = UpsamplingConstants::default();
+    let particles = Particles {
+        x: &all.x,
+        v: &all.v,
+        material: &all.material,
+        mass: &vec![1.0; all.volume.len()],
+        volume: &all.volume,
+        volume_ratio: None,
+        body: None,
+    };
+    Upsampler::new(&settings, grid, constants, particles, &coarse).unwrap()
+}
+
+#[test]
+fn particles_that_are_shown_come_along() {
+    let solver = splash::<2>();
+    let upsampler = shown(&solver);
+    let again = Start::<2>::read(&solver.start(Some(&upsampler), true)).unwrap();
+    let carried = again.upsampler.expect("shown particles");
+    assert_eq!(carried.snapshot(), upsampler.snapshot());
+    assert_eq!(carried.every(), upsampler.every());
+    assert!(again.safe.is_some());
+    assert!(
+        Start::<2>::read(&solver.start(None, false))
+            .unwrap()
+            .safe
+            .is_none()
+    );
+}
+
 fn refusal<const D: usize>(data: &[u8]) -> String {
-    match Solver::<D>::from_start(data) {
+    match Start::<D>::read(data) {
         Err(error @ MpmError::Start { .. }) => error.to_string(),
         Err(error) => panic!("refused as {error:?}"),
         Ok(_) => panic!("taken"),
@@ -64,7 +114,7 @@ fn refusal<const D: usize>(data: &[u8]) -> String {
 
 #[test]
 fn damaged_and_foreign_files_are_refused() {
-    let data = splash::<2>().start();
+    let data = splash::<2>().start(None, false);
     assert!(refusal::<3>(&data).contains("of a scene in 2D, and this build plays those in 3D"));
     for length in [0, 7, 27, data.len() - 1] {
         assert!(refusal::<2>(&data[..length]).contains("cut off"));

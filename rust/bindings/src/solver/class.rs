@@ -8,12 +8,13 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::any::{AnySolver, with_any};
+use super::any::{AnySolver, AnyUpsampler, with_any};
 use super::build::{Arguments, Arrays, parse_substeps};
 use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
+use super::shown::PyUpsampler;
 use crate::convert::{
     ForWalls, array, cells_or_unit, read_only, slice_of, vectors, wall_contacts, writable,
 };
@@ -369,11 +370,29 @@ impl PySolver {
         Ok(PyBytes::new(py, &data))
     }
 
-    fn start<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let data = self
-            .held
-            .detached(py, |any| with_any!(any, solver => solver.start()))?;
-        Ok(PyBytes::new(py, &data))
+    #[pyo3(signature = (upsampler=None, *, redoes=false))]
+    fn start<'py>(
+        &self,
+        py: Python<'py>,
+        upsampler: Option<&PyUpsampler>,
+        redoes: bool,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        // A copy: so no call has two locks.
+        let shown = upsampler
+            .map(|upsampler| upsampler.contents(py))
+            .transpose()?;
+        let data = self.held.detached(py, |any| match (any, &shown) {
+            (AnySolver::Plane(solver), None) => Ok(solver.start(None, redoes)),
+            (AnySolver::Space(solver), None) => Ok(solver.start(None, redoes)),
+            (AnySolver::Plane(solver), Some(AnyUpsampler::Plane(shown))) => {
+                Ok(solver.start(Some(&**shown), redoes))
+            }
+            (AnySolver::Space(solver), Some(AnyUpsampler::Space(shown))) => {
+                Ok(solver.start(Some(&**shown), redoes))
+            }
+            _ => Err(config_error("upsampler must have the solver's dimension")),
+        })?;
+        Ok(PyBytes::new(py, &data?))
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {

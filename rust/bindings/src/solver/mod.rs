@@ -8,6 +8,7 @@ mod class;
 mod force;
 mod held;
 mod report;
+mod shown;
 mod upsampler;
 
 pub use batch::advance_all;
@@ -15,4 +16,4 @@ pub use build::cfl_substeps;
 pub use cancel::PyCancelFlag;
 pub use class::PySolver;
 pub use report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-pub use upsampler::PyUpsampler;
+pub use shown::PyUpsampler;

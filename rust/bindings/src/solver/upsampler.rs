@@ -12,17 +12,10 @@ use super::any::{AnySolver, AnyUpsampler, with_any};
 use super::build::{Arrays, same_dim};
 use super::class::PySolver;
 use super::held::Held;
+use super::shown::PyUpsampler;
 use crate::convert::{along_axes, array, cells_or_unit, read_only, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, PyEmitter};
-
-/// All particles of a scene, moved with coarse particles.
-#[pyclass(frozen, name = "Upsampler", module = "hybridmpm._native")]
-pub struct PyUpsampler {
-    held: Held<AnyUpsampler>,
-    dim: usize,
-    every: u64,
-}
 
 /// Arrays of coarse particles.
 struct CoarseArrays<'py> {
@@ -314,7 +307,7 @@ impl PyUpsampler {
 
     fn copy(&self, py: Python<'_>) -> PyResult<Self> {
         Ok(Self {
-            held: Held::new(self.held.detached(py, |any| any.clone())?),
+            held: Held::new(self.contents(py)?),
             ..*self
         })
     }

@@ -16,8 +16,9 @@ use crate::error::MpmError;
 use crate::grid::Layout;
 use crate::initial::{Particles, check_particles};
 use crate::linalg::{LANES, Vector};
-use crate::openings::{EmitterStatus, Openings, Population};
+use crate::openings::{EmitterStatus, Population};
 use crate::settings::{SolverSettings, check_grid};
+use serde::{Deserialize, Serialize};
 use threads::{Team, interrupted, is_watched};
 
 /// Frames from one update to the next in a scene without emitters and sinks.
@@ -31,7 +32,7 @@ const CORRECT_EVERY: u64 = 16;
 const MAX_PASSES: usize = 24;
 
 /// Constants of the upsampling.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct UpsamplingConstants {
     /// Part of the affine motion of coarse particles that is interpolated [-]. With 1 the centre of mass is most accurate,
     /// but particles clump; with 0 rotating bodies lag behind.
@@ -66,10 +67,8 @@ impl Default for UpsamplingConstants {
 /// All particles of a scene, moved with coarse particles.
 #[derive(Debug, Clone)]
 pub struct Upsampler<const D: usize> {
-    frame_dt: f32,
-    gravity: Vector<D>,
-    affine_share: f32,
-    openings: Openings<D>,
+    settings: SolverSettings<D>,
+    constants: UpsamplingConstants,
     surfaces: Surfaces<D>,
     /// Motion on the coarse grid.
     field: Field<D>,
@@ -117,9 +116,8 @@ impl<const D: usize> Upsampler<D> {
         let resting = Obstacles::new(resting.copied().collect(), walls, &layout);
         let team = Arc::new(Team::new(settings.threads)?);
         Ok(Self {
-            frame_dt: settings.frame_dt,
-            gravity: settings.gravity,
-            affine_share: constants.affine_share,
+            settings: settings.clone(),
+            constants,
             surfaces: Surfaces {
                 walls: *walls,
                 obstacles: Obstacles::new(settings.obstacles.clone(), walls, &layout),
@@ -137,15 +135,27 @@ impl<const D: usize> Upsampler<D> {
                 frame: 0,
                 materials: settings.materials.len(),
             },
-            openings: settings.openings.clone(),
             cache: None,
             before: Vec::new(),
         })
     }
 
+    /// Settings of the scene, with its own emitters.
+    pub fn settings(&self) -> &SolverSettings<D> {
+        &self.settings
+    }
+
+    pub fn constants(&self) -> UpsamplingConstants {
+        self.constants
+    }
+
     /// Frames from one update to the next: 1 in a scene with emitters or sinks, which act in each frame.
     pub fn every(&self) -> u64 {
-        if self.openings.any() { 1 } else { UPDATE_EVERY }
+        if self.settings.openings.any() {
+            1
+        } else {
+            UPDATE_EVERY
+        }
     }
 
     /// Frame of the latest update.
@@ -197,15 +207,15 @@ impl<const D: usize> Upsampler<D> {
         let (state, surfaces) = (&mut self.state, &self.surfaces);
         state.frame = frame;
         state.previous = Previous::of(coarse);
-        if self.openings.any() {
+        if self.settings.openings.any() {
             let mut end = ShownEnd {
                 blocks: &mut state.blocks,
                 population: &mut state.population,
                 surfaces,
                 frame,
-                frame_dt: self.frame_dt,
+                frame_dt: self.settings.frame_dt,
             };
-            end.exchange(&self.openings);
+            end.exchange(&self.settings.openings);
         }
         Ok(())
     }
@@ -238,8 +248,11 @@ impl<const D: usize> Upsampler<D> {
             });
         }
         let mut blocks = self.at_frame(coarse, frame)?.to_vec();
-        self.field
-            .scatter(&Previous::velocities(coarse, v, self.affine_share));
+        self.field.scatter(&Previous::velocities(
+            coarse,
+            v,
+            self.constants.affine_share,
+        ));
         interpolate_velocities(&mut blocks, &self.field, &self.team);
         write(&blocks, out, Block::velocity);
         Ok(())
@@ -286,7 +299,7 @@ impl<const D: usize> Upsampler<D> {
     /// Restores the state of a snapshot of the same scene; on an error the present state is kept.
     pub fn restore(&mut self, data: &[u8]) -> Result<(), MpmError> {
         let resolution = self.surfaces.layout.resolution;
-        self.state = snapshot::decode(resolution, &self.state, self.openings.any(), data)?;
+        self.state = snapshot::decode(resolution, &self.state, self.settings.openings.any(), data)?;
         self.cache = None;
         Ok(())
     }
@@ -354,12 +367,16 @@ impl<const D: usize> Upsampler<D> {
             let allowed = "after the frame of the latest update";
             return Err(MpmError::parameter("frame", allowed, frame));
         }
-        let dt = (frame - self.state.frame) as f32 * self.frame_dt;
-        self.field
-            .scatter(&self.state.previous.samples(coarse, dt, self.affine_share));
-        advect(blocks, &self.field, &self.gravity, dt, &self.team);
+        let dt = (frame - self.state.frame) as f32 * self.settings.frame_dt;
+        self.field.scatter(
+            &self
+                .state
+                .previous
+                .samples(coarse, dt, self.constants.affine_share),
+        );
+        advect(blocks, &self.field, &self.settings.gravity, dt, &self.team);
         // Obstacles are placed by the number of the frame.
-        let time = frame as f64 * f64::from(self.frame_dt);
+        let time = frame as f64 * f64::from(self.settings.frame_dt);
         self.surfaces.obstacles.move_to(time, dt);
         let surfaces = &self.surfaces;
         for_blocks(blocks, &self.team, |block| {
