@@ -1,21 +1,40 @@
 """Pages that play by themselves: the bits of the native solver, and the controls."""
 
+import contextlib
+import dataclasses
 import re
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page
 from tests.browser.conftest import PATIENCE_MS
 from tests.golden.digests import FRAMES, scenes
 
-from hybridmpm import Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, play, scenarios
+import hybridmpm_service
+from hybridmpm import (
+    Box,
+    BoxObstacle,
+    CoarseWarning,
+    ConfigError,
+    Motion,
+    MpmSolver,
+    Scene,
+    SimulationError,
+    play,
+    probes,
+    scenarios,
+)
+from hybridmpm.coarse import coarse_level
+from hybridmpm.control import Arrow, Ellipse, prepare, push
 
 MODULE = re.compile(r'(?<=id="module">)[^<]*')
 """The module that a page tries first, with instructions that not all browsers have."""
 EXACT = re.compile(r'(?<=id="module-exact">)[^<]*')
 
-Show = Callable[[str], Page]
+Show = Callable[..., Page]
 
 
 @pytest.fixture
@@ -28,7 +47,7 @@ def show(browser: Browser, tmp_path: Path) -> Iterator[Show]:
         if line.type == "error":
             errors.append(line.text)
 
-    def show_one(text: str) -> Page:
+    def show_one(text: str, *, ready: bool = True) -> Page:
         file = tmp_path / "page.html"
         file.write_text(text, encoding="utf-8")
         page = context.new_page()
@@ -36,7 +55,8 @@ def show(browser: Browser, tmp_path: Path) -> Iterator[Show]:
         page.on("console", note)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(file.as_uri())
-        page.wait_for_function("() => document.body.dataset.ready !== undefined")
+        if ready:
+            page.wait_for_function("() => document.body.dataset.ready !== undefined")
         return page
 
     yield show_one
@@ -80,6 +100,159 @@ def test_a_page_goes_on_in_mid_splash_among_moving_obstacles(show: Show) -> None
     assert advanced(page, 40) == solver.digest()
 
 
+WHEEL = Scene.load(Path(hybridmpm_service.__file__).parent / "page" / "gallery" / "water-wheel.json")
+
+
+@pytest.mark.parametrize("name", ["water_2d", "sand_3d", "wheel"])
+def test_a_page_shows_all_particles_in_coarse_mode(show: Show, name: str) -> None:
+    scene = WHEEL if name == "wheel" else scenarios.get(name, 3)
+    solver = MpmSolver(scene, coarse="1/16")
+    solver.advance(30)
+    page = show(play(solver).html)
+    # The second is between two updates of the particles that are shown.
+    for frames in (16, 3):
+        solver.advance(frames)
+        assert advanced(page, frames) == solver.digest()
+    assert page.locator("#colour option:disabled").all_inner_texts() == ["density", "pressure"]
+
+
+@pytest.mark.parametrize("coarse", [None, "1/16"])
+def test_a_hand_pushes_as_in_the_library(show: Show, coarse: str | None) -> None:
+    solver = MpmSolver(scenarios.water_2d(3), coarse=coarse)
+    middle = solver.positions.mean(axis=0)
+    page = show(play(solver).html)
+    solver.advance(8, push(middle, (2.0, 1.0), 0.08, cap=15.0))
+    hand = {"point": middle.tolist(), "velocity": [2.0, 1.0], "radius": 0.08, "cap": 15 * 9.81}
+    found = page.evaluate(
+        "async (hand) => [...(await ask('advance', { frames: 8, hand, wanted: 'speed' })).positions]", hand
+    )
+    moved = np.abs(solver.positions - MpmSolver(scenarios.water_2d(3)).positions).max()
+    np.testing.assert_allclose(np.reshape(found, (-1, 2)), solver.positions, atol=1e-3 * moved)
+
+
+def reckless() -> MpmSolver:
+    """Return a coarse solver of soft bodies that fail in a frame at its long step, not at the safe one."""
+    speed = 12.0
+    left = Box(material="elastic", lower=(0.15, 0.15), upper=(0.45, 0.4), velocity=(speed, -speed))
+    right = Box(material="elastic", lower=(0.6, 0.15), upper=(0.8, 0.4), velocity=(-speed, -speed))
+    scene = Scene(dim=2, resolution=64, bodies=(left, right))
+    # Which frames fail depends on every bit.
+    for factor in (0.004, 0.006, 0.005, 0.0045, 0.0035, 0.003, 0.0025, 0.002):
+        level = dataclasses.replace(coarse_level(scene, "1/4"), cfl=1.0, moduli=(factor,), fastest=None)
+        solver = MpmSolver(scene, coarse=level.named("reckless"))
+        with warnings.catch_warnings(), contextlib.suppress(SimulationError):
+            warnings.simplefilter("ignore")
+            solver.advance(30)
+            if solver.redone_frames:
+                return MpmSolver(scene, coarse=level.named("reckless"))
+    raise AssertionError("no frame failed at the long step alone")
+
+
+def test_a_coarse_frame_that_fails_is_done_again_as_by_the_library(show: Show) -> None:
+    solver = reckless()
+    page = show(play(solver).html)
+    with pytest.warns(CoarseWarning):
+        solver.advance(30)
+    assert solver.redone_frames
+    assert advanced(page, 30) == solver.digest()
+
+
+@pytest.mark.parametrize("case", ["arrow", "oval", "ramps", "body", "coarse", "space"])
+def test_material_follows_a_sketch_with_the_bits_of_the_library(show: Show, case: str) -> None:
+    sketch: Arrow | Ellipse = Arrow(points=np.array([[0.35, 0.35], [0.6, 0.65]]))
+    if case == "oval":
+        sketch = Ellipse(center=(0.5, 0.6), axes=(0.15, 0.12), angle=0.0)
+    name = {"ramps": "water_ramps_2d", "space": "water_3d"}.get(case, "water_2d")
+    solver = MpmSolver(scenarios.get(name, 3), coarse="1/16" if case == "coarse" else None)
+    planned = solver.copy()
+    planned.advance(10)
+    who = 0 if case == "body" else None
+    guidance = prepare(planned, sketch, "analytic", frames=30, hold=5, who=who)
+    page = show(play(solver, guidance=guidance).html)
+    for frames in (20, 40):
+        solver.advance(frames, guidance)
+        assert advanced(page, frames) == solver.digest()
+
+
+def test_only_ways_are_followed() -> None:
+    solver = MpmSolver(scenarios.water_2d(3))
+    guidance = prepare(solver, Arrow(points=np.array([[0.35, 0.35], [0.6, 0.65]])), "constant", frames=30)
+    with pytest.raises(ConfigError, match="by the method analytic or learned, got 'constant'"):
+        play(solver, guidance=guidance)
+
+
+PADDLE = BoxObstacle(
+    lower=(0.45, 0.1), upper=(0.5, 0.3), motion=Motion(angular_velocity=2.0, center=(0.475, 0.2), period=1.3)
+)
+PLANE = Scene(
+    dim=2,
+    resolution=64,
+    bodies=(Box(material="water", lower=(0.1, 0.1), upper=(0.4, 0.4), velocity=(2.0, 0.0)),),
+    obstacles=(PADDLE, BoxObstacle(lower=(0.7, 0.05), upper=(0.75, 0.15))),
+)
+SPACE = Scene(
+    dim=3,
+    resolution=32,
+    bodies=(Box(material="water", lower=(0.1, 0.1, 0.1), upper=(0.4, 0.4, 0.9), velocity=(2.0, 0.0, 0.0)),),
+    obstacles=(BoxObstacle(lower=(0.6, 0.1, 0.4), upper=(0.7, 0.2, 0.6)),),
+)
+GAUGES = {
+    2: {
+        "density": probes.Density([[0.3, 0.2], [0.52, 0.12]]),
+        "patch": probes.PatchDensity((0.4, 0.1), (0.6, 0.3)),
+        "pressure": probes.Pressure([[0.2, 0.1], [0.6, 0.12], [0.85, 0.8]]),
+        "mean pressure": probes.PatchPressure((0.1, 0.1), (0.3, 0.2)),
+        "height": probes.HeightGauge(0.42),
+        "level": probes.FillLevel((0.4, 0.1), (0.9, 0.2)),
+        "flow": probes.Flow((0.43, 0.1), (0.43, 0.4)),
+        "force": probes.Force(obstacle=1),
+        "floor": probes.Force(wall="y_lower"),
+        "torque": probes.Torque(obstacle=0, about=(0.475, 0.2)),
+    },
+    3: {
+        "density": probes.Density((0.5, 0.12, 0.5)),
+        "pressure": probes.Pressure((0.2, 0.1, 0.5)),
+        "height": probes.HeightGauge((0.42, 0.5)),
+        "level": probes.FillLevel((0.5, 0.1, 0.3), (0.8, 0.2, 0.7)),
+        "flow": probes.Flow((0.43, 0.1, 0.1), (0.43, 0.4, 0.9)),
+        "force": probes.Force(obstacle=0),
+        "torque": probes.Torque(obstacle=0, about=(0.6, 0.1, 0.4)),
+    },
+}
+
+
+@pytest.mark.parametrize(("dim", "coarse"), [(2, None), (3, None), (2, "1/8")])
+def test_charts_have_the_readings_of_the_library(show: Show, dim: int, coarse: str | None) -> None:
+    solver = MpmSolver(PLANE if dim == 2 else SPACE, coarse=coarse)
+    page = show(play(solver, probes=GAUGES[dim]).html)
+    page.evaluate("async () => await advance(160)")
+    series = probes.record(solver, 160, GAUGES[dim], every=4)
+    read = page.evaluate("() => charts.map((chart) => chart.readings.map(([t, v]) => [t, ...v.map(String)]))")
+    for (name, values), rows in zip(series.values.items(), read, strict=True):
+        times, numbers = np.split(np.array(rows, dtype=float), [1], axis=1)
+        np.testing.assert_allclose(times[:, 0], series.time, rtol=1e-6, err_msg=name)
+        wanted = values.reshape(len(times), -1)
+        size = np.nanmax(np.abs(wanted))
+        np.testing.assert_allclose(numbers, wanted, rtol=1e-6, atol=1e-6 * size, err_msg=name)
+        assert size > 0
+    assert page.locator("figure b").all_inner_texts() == list(GAUGES[dim])
+    page.click("#reset")
+    page.wait_for_function("() => document.body.dataset.frame === '0'")
+    assert page.evaluate("() => charts.map((chart) => chart.readings.length)") == [1] * len(read)
+
+
+def test_a_probe_that_does_not_fit_is_refused() -> None:
+    class Mine(probes.Flow):
+        plain = probes.Probe.plain
+
+    with pytest.raises(ConfigError, match=r"a page reads probes of hybridmpm\.probes, got Mine"):
+        play(PLANE, probes={"mine": Mine((0.4, 0.1), (0.4, 0.2))})
+    with pytest.raises(ConfigError, match="must lie inside the walls"):
+        play(PLANE, probes={"far": probes.Density((0.0, 0.0))})
+    with pytest.raises(ConfigError, match="this takes a probe"):
+        play(PLANE, probes={"none": 0.5})  # type: ignore[dict-item]
+
+
 def test_a_page_plays_steps_pushes_and_begins_again(show: Show) -> None:
     solver = MpmSolver(scenarios.water_2d(3))
     page = show(play(solver, name="Two <blocks>", text="# A title\n\nSome *words*.").html)
@@ -117,6 +290,37 @@ def test_a_damaged_page_says_so(show: Show) -> None:
     other = play(scenarios.water_3d(3)).html
     page = show(MODULE.sub(MODULE.findall(other)[0], text))
     assert "it is of a scene in 2D, and this build plays those in 3D" in page.locator("#message").inner_text()
+    start = re.search(r'id="start">[^<]{100}', text)
+    assert start is not None
+    for damaged in (
+        text.replace('id="scene">{', 'id="scene">'),
+        text.replace(start[0], 'id="start">!' + start[0][-99:]),
+        text.replace(start[0], 'id="start">' + start[0][-100:][::-1]),
+    ):
+        assert show(damaged).locator("#message").inner_text() == "This file is damaged: get it once more."
+    cut = show(text[: text.index('id="module"')], ready=False)
+    assert "If this line stays, the file is cut off" in cut.locator("#message").inner_text()
+
+
+def test_a_browser_that_cannot_play_says_which_can(show: Show) -> None:
+    text = play(scenarios.water_2d(3)).html
+    old = text.replace("WebAssembly.validate(bytes)", "false")
+    assert "no vector instructions for WebAssembly (simd128)" in show(old).locator("#message").inner_text()
+    older = text.replace("typeof DecompressionStream", "typeof Missing")
+    assert "This browser is too old to play" in show(older).locator("#message").inner_text()
+
+
+def test_a_picture_that_is_lost_is_drawn_again(show: Show) -> None:
+    page = show(play(scenarios.water_2d(3)).html)
+    page.evaluate("picture.dispatchEvent(new Event('contextlost'))")
+    assert "has taken the picture's memory away" in page.locator("#message").inner_text()
+    page.evaluate("picture.dispatchEvent(new Event('contextrestored'))")
+    assert page.locator("#message").is_hidden()
+    told = page.evaluate("[new RangeError('x'), new Error('a sentence')].map(reason)")
+    assert told == [
+        "This device has no memory left for the picture: close other pages, and reload this one.",
+        "a sentence",
+    ]
 
 
 def test_a_text_is_markdown_that_cannot_run_or_load() -> None:
@@ -125,7 +329,7 @@ def test_a_text_is_markdown_that_cannot_run_or_load() -> None:
         "[bad](javascript:run()) [worse](data:text/html,run) ![picture](http://example.com/a.png)"
     )
     page = play(scenarios.water_2d(3), text=text).html
-    lesson = page[page.index('<article id="lesson"') : page.index("</article>")]
+    lesson = page[page.index("<article") : page.index("</article>")]
     assert '<a href="index.html">link</a>, <code>a &lt; b</code>, {{module}}.' in lesson
     assert "<li>one</li>" in lesson
     assert "&lt;script&gt;run()&lt;/script&gt;" in lesson
@@ -141,8 +345,6 @@ def test_only_scenes_and_solvers_play(wrong: object) -> None:
 def test_files_have_a_suffix_and_a_size(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must be an \.html file"):
         play(scenarios.water_2d(3), tmp_path / "waves.gif")
-    with pytest.raises(ConfigError, match="make the solver without"):
-        play(MpmSolver(scenarios.water_2d(3), coarse="1/16"))
     file = tmp_path / "waves.html"
     page = play(scenarios.water_2d(3), file)
     assert file.read_text(encoding="utf-8") == page.html

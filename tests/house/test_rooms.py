@@ -94,7 +94,7 @@ DEPENDS_ON = {
     "neighbors": {"threads"},
     "neural": set(),
     "threads": set(),
-    "web": {"mpm"},
+    "web": {"guidance", "mpm"},
 }
 """The crates of this project that each one may use."""
 

@@ -9,6 +9,7 @@ import gzip
 import html
 import json
 import re
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,13 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.files import replacing
+from hybridmpm.control import Guidance
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.playing.text import html_of
+from hybridmpm.playing.ways import drawn, ways_file
+from hybridmpm.probes import Probe
+from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
 
@@ -28,6 +33,8 @@ _MOST_SOLID_POINTS = 12_000
 """Most points that show one obstacle."""
 _HEIGHT = 560
 """Height [px] of a page within a notebook."""
+_READ_EVERY = 0.01
+"""Time from one reading of the probes to the next [s]."""
 
 
 class PlayingPage:
@@ -63,7 +70,13 @@ class PlayingPage:
 
 
 def play(
-    source: Scene | MpmSolver, path: str | Path | None = None, *, name: str = "", text: str = ""
+    source: Scene | MpmSolver,
+    path: str | Path | None = None,
+    *,
+    name: str = "",
+    text: str = "",
+    guidance: Guidance | None = None,
+    probes: Mapping[str, Probe] | None = None,
 ) -> PlayingPage:
     """Return a page that plays a simulation in any browser; write it where a path is given.
 
@@ -80,50 +93,78 @@ def play(
         Title of the page; the scene's dimension and number of particles if empty.
     text : str
         Text beside the picture, in Markdown (CommonMark) without pictures and without HTML of its own.
+    guidance : Guidance, optional
+        Sketch that the material follows, from `control.prepare`, in the frames for which it was planned.
+    probes : mapping, optional
+        Probes by name, whose readings the page draws as charts: every 10 ms, forces as means of these.
 
     Raises
     ------
     ConfigError
-        `source` is neither a scene nor an MPM solver, or in coarse mode; or the path is no .html file.
+        `source` is neither a scene nor an MPM solver, the path is no .html file, a probe does not fit into
+        the scene or is one of your own, or the method of the guidance is none that pages have.
     """
     solver = MpmSolver(source) if isinstance(source, Scene) else source
     if not isinstance(solver, MpmSolver):
         raise ConfigError(
             f"a page plays a Scene or an MpmSolver, got {type(source).__name__}: networks run on servers only"
         )
-    if solver.r_p < 1:
-        raise ConfigError("a page plays all particles of a scene: make the solver without `coarse` and `r_p`")
-    page = PlayingPage(_page(solver, name or f"{solver.particle_count} particles in {solver.dim}D", text))
+    for probe in (probes or {}).values():
+        checked_probe(probe).check(solver.scene)
+    about = _about(solver, probes or {})
+    ways = b""
+    if guidance is not None:
+        ways = ways_file(guidance)
+        first = guidance.first_frame
+        about["sketch"] = {
+            "first": first,
+            "last": first + guidance.total_frames,
+            "line": drawn(guidance),
+            "isArrow": guidance.sketch.kind == "arrow",
+        }
+    title = name or f"{solver.particle_count} particles in {solver.dim}D"
+    page = PlayingPage(_page(solver, title, text, about, ways))
     if path is not None:
         page.save(path)
     return page
 
 
-def _page(solver: MpmSolver, name: str, text: str) -> str:
+def _about(solver: MpmSolver, probes: Mapping[str, Probe]) -> dict[str, Any]:
+    """Return what the page has to know besides the start file, as plain data."""
     scene = solver.scene
-    space = "space" if scene.dim == 3 else "plane"
     step, solids = _solids(scene)
-    about = {
+    return {
         "lower": scene.walls.lower,
         "upper": scene.walls.upper,
         "types": [material.type_id for material in scene.materials],
-        "spacing": scene.spacing,
+        "spacing": solver.particle_spacing,
+        "simulatedSpacing": solver.pressure_samples().spacing,
         "solids": solids,
         "solidStep": step,
+        "moves": any(solid["moves"] for solid in solids),
+        "probes": [{"name": name, "unit": one.unit, **one.plain(solver)} for name, one in probes.items()],
+        "readEvery": max(1, round(_READ_EVERY / scene.frame_dt)),
     }
+
+
+def _page(solver: MpmSolver, name: str, text: str, about: dict[str, Any], ways: bytes) -> str:
+    scene = solver.scene
+    space = "space" if scene.dim == 3 else "plane"
     width, height = (b - a for a, b in zip(scene.walls.lower[:2], scene.walls.upper[:2], strict=True))
     parts = {
         "version": _core.__version__,
         "name": html.escape(name),
         "aspect": f"{width / height:.4g}" if scene.dim == 2 else "1.333",
         "hidden": "" if text.strip() else "hidden",
+        "bare": "" if text.strip() or about["probes"] else "hidden",
         "lesson": html_of(text),
         "scene": json.dumps(about).replace("<", "\\u003c"),
         "start": _packed(solver.start_file()),
-        "module": _stored(f"{space}.wasm.gz"),
-        "module-exact": _stored(f"{space}-exact.wasm.gz"),
-        "worker": _asset("worker.js").decode(),
-        "player": _asset("player.js").decode(),
+        "ways": _packed(ways),
+        "module": _as_text(_asset(f"{space}.wasm.gz")),
+        "module-exact": _as_text(_asset(f"{space}-exact.wasm.gz")),
+        "worker": "\n".join(_asset(name).decode() for name in ("readings.js", "worker.js")),
+        "player": "\n".join(_asset(name).decode() for name in ("charts.js", "player.js")),
     }
     return re.sub(r"\{\{([a-z-]+)\}\}", lambda place: parts[place[1]], _asset("page.html").decode())
 
@@ -138,7 +179,7 @@ def _solids(scene: Scene) -> tuple[float, list[dict[str, Any]]]:
         {
             "obstacle": index,
             "moves": obstacle.motion is not None,
-            "points": base64.b64encode(_points(obstacle, lattice, step).astype("<f4").tobytes()).decode(),
+            "points": _as_text(_points(obstacle, lattice, step).astype("<f4").tobytes()),
         }
         for index, obstacle in enumerate(scene.obstacles)
     ]
@@ -155,11 +196,12 @@ def _points(obstacle: Obstacle, lattice: npt.NDArray[np.float32], step: float) -
 
 
 def _packed(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode()
+    return _as_text(gzip.compress(data, 9, mtime=0))
 
 
-def _stored(name: str) -> str:
-    return base64.b64encode(_asset(name)).decode()
+def _as_text(data: bytes) -> str:
+    """Return bytes as text that may stand in a script element: Python's base 85, with a comma for `<`."""
+    return base64.b85encode(data).decode().replace("<", ",")
 
 
 def _asset(name: str) -> bytes:

@@ -3,6 +3,11 @@
 const SUBSTANCES = { 3: [120, 130, 150], 5: [70, 150, 235], 6: [216, 168, 96], 7: [88, 176, 104], 0: [150, 125, 175] };
 const SOLID = [112, 124, 146];
 const GROUND = [10, 15, 22];
+const MARK = "#f4f6f9";
+const SKETCH = "#e5564f";
+const LETTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;,=>?@^_`{|}~";
+const TINTS = 64; // shades of a scale
+const LAYERS = 2048; // of depth, in which particles are drawn
 const SCALE = [[30, 60, 150], [40, 130, 220], [90, 210, 230], [250, 240, 140], [250, 150, 70]];
 const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
 const PICTURE = 30; // longest computation from one picture to the next [ms]
@@ -25,14 +30,35 @@ worker.onmessage = ({ data }) => {
   else failed(new Error(data.error));
 };
 
+worker.onerror = ({ message }) => say(`The simulation could not be started: ${message}. Reload the page.`, true);
+
 function ask(order, given = {}) {
   orders += 1;
   worker.postMessage({ id: orders, order, ...given });
   return new Promise((done, failed) => waiting.set(orders, { done, failed }));
 }
 
+/** Bytes that Python's base 85 has made text of, with a comma for `<`. */
+function bytesOf(text) {
+  const digits = new Uint8Array(128).fill(255);
+  for (let i = 0; i < LETTERS.length; i += 1) digits[LETTERS.charCodeAt(i)] = i;
+  const padding = (5 - (text.length % 5)) % 5;
+  const bytes = new Uint8Array(((text.length + padding) / 5) * 4);
+  const words = new DataView(bytes.buffer);
+  for (let i = 0; i < text.length; i += 5) {
+    let word = 0;
+    for (let k = i; k < i + 5; k += 1) {
+      const digit = k < text.length ? digits[text.charCodeAt(k)] : 84;
+      if (!(digit < 85)) throw new SyntaxError("not a letter of base 85");
+      word = 85 * word + digit;
+    }
+    words.setUint32((i / 5) * 4, word);
+  }
+  return bytes.slice(0, bytes.length - padding);
+}
+
 function stored(id) {
-  return Uint8Array.from(atob(part(id).textContent.trim()), (letter) => letter.charCodeAt(0));
+  return bytesOf(part(id).textContent.trim());
 }
 
 // State of the page.
@@ -47,12 +73,20 @@ let last = 0; // time of the latest picture [ms]
 let hand = null;
 let turning = null;
 let rates = []; // simulated over real time
+let charts = []; // one for each probe
 const camera = { yaw: 0.6, pitch: 0.35, distance: 1.7 };
 
 function say(text, isError = false) {
   part("message").textContent = text;
   part("message").classList.toggle("error", isError);
   part("message").hidden = text === "";
+}
+
+/** What an error means to a visitor. */
+function reason(error) {
+  if (error instanceof RangeError) return "This device has no memory left for the picture: close other pages, and reload this one.";
+  if (error instanceof SyntaxError) return "This file is damaged: get it once more.";
+  return error.message;
 }
 
 // Picture.
@@ -113,27 +147,75 @@ function draw() {
     part("low").textContent = `${low} ${UNITS[wanted]}`;
     part("high").textContent = `${high} ${UNITS[wanted]}`;
   }
-  const points = []; // [x, y, depth, radius, colour]
-  const add = (x, i, radius, colour) => {
+  const solids = scene.resting.concat(state.moved);
+  const cloud = new Cloud(solids.reduce((total, solid) => total + solid.length / dim, 0) + state.values.length);
+  const add = (x, i, radius, tint) => {
     const at = dim === 2 ? project(x[i], x[i + 1]) : project(x[i], x[i + 1], x[i + 2]);
     const shade = dim === 2 ? 1 : Math.min(1.25, Math.max(0.35, 1.9 - 0.42 * at[2]));
-    points.push([at[0], at[1], at[2], Math.max(radius * at[3], 0.8), packed(colour, shade)]);
+    cloud.add(at, Math.max(radius * at[3], 0.8), packed(tint, shade));
   };
-  const solids = scene.resting.concat(state.moved);
   for (const solid of solids) {
     for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.75 * scene.solidStep, SOLID);
   }
+  const tints = scene.types.map((type) => {
+    const kind = SUBSTANCES[type] ?? SUBSTANCES[5];
+    return Array.from({ length: TINTS }, (_, i) =>
+      wanted === "material" ? kind.map((c) => c + (255 - c) * 0.55 * (i / (TINTS - 1))) : ramp(i / (TINTS - 1)),
+    );
+  });
   for (let k = 0; k < state.values.length; k += 1) {
     const share = (state.values[k] - low) / (high - low || 1);
-    const kind = SUBSTANCES[scene.types[state.materials[k]]] ?? SUBSTANCES[5];
-    const colour = wanted === "material" ? kind.map((c) => c + (255 - c) * 0.55 * Math.min(share, 1)) : ramp(share);
-    add(state.positions, k * dim, 0.75 * scene.spacing, colour);
+    const tint = Math.round(Math.min(Math.max(share, 0), 1) * (TINTS - 1)) || 0;
+    add(state.positions, k * dim, 0.75 * scene.spacing, tints[state.materials[k]][tint]);
   }
-  if (dim === 3) points.sort((a, b) => b[2] - a[2]);
-  for (const [x, y, , radius, colour] of points) disc(pixels, width, height, x, y, radius, colour);
+  cloud.draw(pixels, width, height);
   pen.putImageData(image, 0, 0);
   drawWalls(project);
+  for (const { marks } of scene.probes) for (const mark of marks) drawMark(project, ratio, mark);
+  const { sketch } = scene;
+  if (sketch && state.frame >= sketch.first && state.frame < sketch.last) drawSketch(project, ratio, sketch);
   if (hand !== null) drawHand(project, ratio);
+}
+
+/** Discs, drawn from the farthest to the nearest. */
+class Cloud {
+  #count = 0;
+
+  constructor(most) {
+    for (const name of ["x", "y", "depth", "radius"]) this[name] = new Float32Array(most);
+    this.colour = new Uint32Array(most);
+  }
+
+  add([x, y, depth], radius, colour) {
+    const k = this.#count;
+    [this.x[k], this.y[k], this.depth[k], this.radius[k], this.colour[k]] = [x, y, depth, radius, colour];
+    this.#count += 1;
+  }
+
+  draw(pixels, width, height) {
+    const order = dim === 2 ? null : this.#order();
+    for (let i = 0; i < this.#count; i += 1) {
+      const k = order === null ? i : order[i];
+      disc(pixels, width, height, this.x[k], this.y[k], this.radius[k], this.colour[k]);
+    }
+  }
+
+  /** Numbers of the discs by layers of depth: sorting them one by one would take longer than the rest. */
+  #order() {
+    const low = this.depth.reduce((least, value) => Math.min(least, value), Infinity);
+    const high = this.depth.reduce((most, value) => Math.max(most, value), -Infinity);
+    const layer = (k) => Math.floor(((high - this.depth[k]) / (high - low || 1)) * (LAYERS - 1));
+    const starts = new Uint32Array(LAYERS + 1);
+    for (let k = 0; k < this.#count; k += 1) starts[layer(k) + 1] += 1;
+    for (let i = 0; i < LAYERS; i += 1) starts[i + 1] += starts[i];
+    const order = new Uint32Array(this.#count);
+    for (let k = 0; k < this.#count; k += 1) {
+      const at = layer(k);
+      order[starts[at]] = k;
+      starts[at] += 1;
+    }
+    return order;
+  }
 }
 
 function packed([red, green, blue], shade) {
@@ -168,6 +250,41 @@ function drawWalls(project) {
   pen.stroke();
 }
 
+/** A line through points of the world. */
+function drawLine(project, width, line, colour) {
+  pen.strokeStyle = colour;
+  pen.lineWidth = width;
+  pen.beginPath();
+  for (const point of line) pen.lineTo(...project(...point).slice(0, 2));
+  pen.stroke();
+}
+
+/** The line that is followed: the outline of an oval, or an arrow, which has a head. */
+function drawSketch(project, ratio, { line, isArrow }) {
+  drawLine(project, 2.5 * ratio, line, SKETCH);
+  if (!isArrow) return;
+  const [before, tip] = line.slice(-2).map((point) => project(...point));
+  const along = Math.atan2(tip[1] - before[1], tip[0] - before[0]);
+  pen.beginPath();
+  for (const turn of [-2.6, 0, 2.6]) {
+    const reach = turn === 0 ? 0 : 14 * ratio;
+    pen.lineTo(tip[0] + reach * Math.cos(along + turn), tip[1] + reach * Math.sin(along + turn));
+  }
+  pen.stroke();
+}
+
+/** Where a probe is: a ring around a point, or a line. */
+function drawMark(project, ratio, mark) {
+  if (mark.length > 1) drawLine(project, 1.5 * ratio, mark, MARK);
+  else {
+    const [x, y] = project(...mark[0]);
+    [pen.strokeStyle, pen.lineWidth] = [MARK, 1.5 * ratio];
+    pen.beginPath();
+    pen.arc(x, y, 4 * ratio, 0, 2 * Math.PI);
+    pen.stroke();
+  }
+}
+
 function drawHand(project, ratio) {
   const [x, y, , scale] = project(...hand.point);
   pen.strokeStyle = "#58b9ff";
@@ -184,13 +301,14 @@ async function advance(frames) {
   try {
     const found = await ask("advance", { frames, hand: push(), wanted: part("colour").value });
     state = found;
+    note(found.readings);
     if (frames > 0) rates.push({ simulated: found.frames * frameDt * 1000, took: found.took });
     rates = rates.slice(-30);
     report();
     draw();
   } catch (error) {
     pause();
-    say(error.message, true);
+    say(reason(error), true);
   } finally {
     busy = false;
   }
@@ -211,6 +329,12 @@ function tick(now) {
   // What a slow device cannot make up for is dropped: the picture then plays slower.
   owed = Math.min(owed - frames, most);
   if (frames > 0) advance(frames);
+}
+
+/** Take readings into the charts. */
+function note(readings) {
+  for (const [frame, values] of readings) charts.forEach((chart, i) => chart.add(frame * frameDt, values[i]));
+  if (readings.length > 0) for (const chart of charts) chart.draw();
 }
 
 /** Time that was simulated of late, and what it took [ms]. */
@@ -247,6 +371,8 @@ part("reset").onclick = async () => {
   pause();
   say("");
   state = await ask("reset", { wanted: part("colour").value });
+  for (const chart of charts) chart.clear();
+  note(state.readings);
   rates = [];
   report();
   draw();
@@ -321,10 +447,17 @@ picture.addEventListener(
   { passive: false },
 );
 new ResizeObserver(draw).observe(picture);
+picture.addEventListener("contextlost", () =>
+  say("The browser has taken the picture's memory away. It is drawn again when there is some; else reload the page.", true),
+);
+picture.addEventListener("contextrestored", () => {
+  say("");
+  draw();
+});
+new ResizeObserver(() => charts.forEach((chart) => chart.draw())).observe(part("charts"));
 
 function unpackedNumbers(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Float32Array(bytes.buffer);
+  return new Float32Array(bytesOf(text).buffer);
 }
 
 async function start() {
@@ -335,15 +468,23 @@ async function start() {
       .filter(({ moves }) => moves)
       .map(({ obstacle, points }) => ({ obstacle, points: unpackedNumbers(points) }));
     const modules = [stored("module"), stored("module-exact")];
-    ({ dim, frameDt } = await ask("open", { modules, start: stored("start"), moving }));
+    charts = scene.probes.map((probe) => new Chart(probe, part("charts")));
+    const given = { modules, start: stored("start"), path: stored("ways"), moving, about: scene };
+    const opened = await ask("open", given);
+    ({ dim, frameDt } = opened);
     part("drag").parentElement.hidden = dim === 2;
+    // The particles that are shown in coarse mode have neither.
+    for (const one of part("colour").options) {
+      if (opened.isCoarse && (one.value === "density" || one.value === "pressure")) one.disabled = true;
+    }
     await advance(0);
+    note(opened.readings);
     say("");
     document.body.dataset.ready = "true";
     requestAnimationFrame(tick);
     if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
   } catch (error) {
-    say(error.message, true);
+    say(reason(error), true);
     document.body.dataset.ready = "false";
   }
 }

@@ -3,12 +3,20 @@
 let core = null; // exports of the module
 let player = 0; // address of the simulation
 let startFile = null; // bytes
+let ways = null; // bytes, of those who follow a sketch
 let solids = []; // [{ obstacle, points: Float32Array }], moving ones
+let readings = null; // of the probes; null without any
+let readEvery = 1; // frames
+let forces = 0; // numbers in the forces on walls and obstacles
 
 /** Unpack what gzip packed. */
 async function unpacked(bytes) {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  try {
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  } catch {
+    throw new Error("This file is damaged: get it once more.");
+  }
 }
 
 /** The first of the modules that gives the bits of the native solver in this browser. */
@@ -41,6 +49,7 @@ function bytesAt(address, length) {
 }
 
 function numbersAt(address, length) {
+  if (address === 0 && length > 0) throw failure();
   return new Float32Array(core.memory.buffer, address, length).slice();
 }
 
@@ -50,19 +59,45 @@ function begin() {
   give(startFile);
   player = core.open(startFile.byteLength);
   if (!player) throw failure();
+  if (ways.byteLength > 0) {
+    give(ways);
+    if (!core.follow(player, ways.byteLength)) throw failure();
+  }
+  if (readings !== null) readings.begin();
 }
 
-/** Advance by frames; `hand` is null or { point, velocity, radius, cap }. */
+/** What probes read of the present state. */
+const now = {
+  positions: () => numbersAt(core.positions(player), core.count(player) * core.dim()),
+  velocities: () => numbersAt(core.velocities(player), core.count(player) * core.dim()),
+  masses: () => numbersAt(core.masses(player), core.count(player)),
+  simulated: () => numbersAt(core.simulated_positions(player), core.simulated(player) * core.dim()),
+  pressures: () => numbersAt(core.pressures(player), core.simulated(player)),
+  distances(points) {
+    give(Float32Array.from(points));
+    return numbersAt(core.distances(player, points.length), points.length / core.dim());
+  },
+  forces() {
+    const address = core.forces(player);
+    return address ? new Float64Array(core.memory.buffer, address, forces).slice() : null;
+  },
+};
+
+/** Advance by frames; `hand` is null or { point, velocity, radius, cap }. Returns readings: [frame, values]. */
 function advance(frames, hand) {
-  if (hand === null) {
-    if (frames > 0 && !core.advance(player, frames, 0)) throw failure();
-    return;
+  const numbers = hand === null ? [] : [...hand.point, ...hand.velocity, hand.radius, hand.cap];
+  const found = [];
+  // Without probes all frames are one call.
+  const step = readings === null ? frames : 1;
+  for (let done = 0; done < frames; done += step) {
+    if (numbers.length > 0) give(Float32Array.from(numbers));
+    if (!core.advance(player, step, numbers.length)) throw failure();
+    if (readings === null) continue;
+    readings.note();
+    const frame = core.frame(player);
+    if (frame % readEvery === 0) found.push([frame, readings.read()]);
   }
-  const numbers = Float32Array.of(...hand.point, ...hand.velocity, hand.radius, hand.cap);
-  for (let i = 0; i < frames; i += 1) {
-    give(numbers);
-    if (!core.advance_pushed(player)) throw failure();
-  }
+  return found;
 }
 
 /** What the page draws: all arrays are copies. */
@@ -70,7 +105,7 @@ function state(wanted) {
   const [count, dim] = [core.count(player), core.dim()];
   const found = {
     frame: core.frame(player),
-    positions: numbersAt(core.positions(player), count * dim),
+    positions: now.positions(),
     materials: bytesAt(core.materials(player), count),
     values: null,
     moved: solids.map(({ obstacle, points }) => {
@@ -78,10 +113,10 @@ function state(wanted) {
       return numbersAt(core.moved(player, obstacle, points.length), points.length);
     }),
   };
-  if (wanted === "pressure") found.values = numbersAt(core.pressures(player), count);
+  if (wanted === "pressure") found.values = now.pressures();
   else if (wanted === "density") found.values = numbersAt(core.volume_ratios(player), count).map((j) => 1 / j);
   else {
-    const v = numbersAt(core.velocities(player), count * dim);
+    const v = now.velocities();
     found.values = new Float32Array(count);
     for (let i = 0; i < count; i += 1) {
       let sum = 0;
@@ -92,27 +127,37 @@ function state(wanted) {
   return found;
 }
 
+/** The readings at the start. */
+function first() {
+  return readings === null ? [] : [[core.frame(player), readings.read()]];
+}
+
 const orders = {
-  async open({ modules, start, moving }) {
+  async open({ modules, start, path, moving, about }) {
     core = await firstModule(modules);
-    startFile = await unpacked(start);
+    [startFile, ways] = [await unpacked(start), await unpacked(path)];
     solids = moving;
+    readEvery = about.readEvery;
+    if (about.probes.length > 0) readings = new Readings(about, now);
+    forces = (2 * core.dim() + about.solids.length) * 3 * (core.dim() - 1);
     begin();
-    return { dim: core.dim(), frameDt: core.frame_dt(player) };
+    const isCoarse = core.simulated(player) !== core.count(player);
+    return { dim: core.dim(), frameDt: core.frame_dt(player), isCoarse, readings: first() };
   },
   async reset({ wanted }) {
     begin();
-    return state(wanted);
+    return { ...state(wanted), readings: first() };
   },
   async advance({ frames, hand, wanted }) {
     const before = performance.now();
-    advance(frames, hand);
+    const found = advance(frames, hand);
     const took = performance.now() - before;
-    return { ...state(wanted), took, frames };
+    return { ...state(wanted), took, frames, readings: found };
   },
   async digest() {
-    const bytes = bytesAt(core.digest(player), 32);
-    const digest = Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+    const address = core.digest(player);
+    if (!address) throw failure();
+    const digest = Array.from(bytesAt(address, 32), (byte) => byte.toString(16).padStart(2, "0")).join("");
     return { digest, frame: core.frame(player) };
   },
 };
@@ -121,7 +166,7 @@ onmessage = async ({ data: { id, order, ...given } }) => {
   try {
     postMessage({ id, ...(await orders[order](given)) });
   } catch (error) {
-    const stopped = error instanceof WebAssembly.RuntimeError;
+    const stopped = error instanceof WebAssembly.RuntimeError || error instanceof RangeError;
     const text = stopped
       ? "The simulation stopped: this device has no memory left for it, or the file is damaged. Reload the page."
       : error.message;

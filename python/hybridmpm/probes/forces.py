@@ -1,7 +1,7 @@
 """Force and torque of the material on an obstacle or a wall."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -63,6 +63,11 @@ class Force(Probe):
         """
         return simulator.frame_forces()[self._row(simulator.scene), : simulator.scene.dim]
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        simulator.frame_forces()
+        return {"kind": "force", "row": self._row(simulator.scene), "marks": []}
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Torque(Force):
@@ -93,3 +98,8 @@ class Torque(Force):
         if len(point) == 3:
             return np.asarray(torque - np.cross(point, force))
         return np.array(torque[0] - (point[0] * force[1] - point[1] * force[0]))
+
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        point = self._point(simulator.scene).tolist()
+        return super().plain(simulator) | {"kind": "torque", "about": point, "marks": [[point]]}

@@ -1,7 +1,7 @@
 """Gauges of amounts: the height of a surface, the filling of a box, the flow through a segment."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from hybridmpm.probes.probe import (
     checked_points,
     overlap,
 )
-from hybridmpm.probes.quantities import free_volume
+from hybridmpm.probes.quantities import free_volume, plain_patch
 from hybridmpm.scene import Scene
 
 _COLUMN = 4.0
@@ -90,6 +90,22 @@ class HeightGauge(Probe):
         step = (filling[last] - 0.5) / (filling[last] - filling[last + 1])
         return np.array(float(levels[last] + step * (levels[last + 1] - levels[last])))
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        scene = simulator.scene
+        up, low, high = self._column(scene, _COLUMN * simulator.particle_spacing)
+        foot, head = (low + high) / 2, (low + high) / 2
+        foot[up], head[up] = low[up], high[up]
+        return {
+            "kind": "height",
+            "up": up,
+            "floorIsLow": scene.gravity[up] < 0,
+            "lower": low.tolist(),
+            "upper": high.tolist(),
+            "steps": _STEPS,
+            "marks": [[foot.tolist(), head.tolist()]],
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class FillLevel(Probe):
@@ -115,6 +131,10 @@ class FillLevel(Probe):
         filled = float(overlap(between_walls(simulator.positions, size, scene), size, lower, upper).sum())
         room = free_volume(lower, upper, simulator)
         return np.array(filled * size**scene.dim / room if room > 0 else np.nan)
+
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        return {"kind": "fill level", **plain_patch(self.lower, self.upper, simulator)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,16 +176,32 @@ class Flow(Probe):
         order = [int(flat[0]), *(axis for axis in range(3) if axis != flat[0])]
         return (start + end) / 2, np.eye(3)[order], np.abs(way)[order[1:]]
 
-    def read(self, simulator: Probed) -> Floats:
-        """Return the flow, ()."""
+    def _band(self, simulator: Probed) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return middle (D,), axes (D, D) and the band's corners along the axes, (D,) each."""
         scene, size = simulator.scene, simulator.particle_spacing
         middle, axes, extents = self._frame(scene)
         behind, before = (_reach(middle, side * axes[0], scene, _BAND / 2 * size) for side in (-1, 1))
-        local = (simulator.positions - middle) @ axes.T
-        lower, upper = np.array([-behind, *(-extents / 2)]), np.array([before, *(extents / 2)])
-        part = overlap(local, size, lower, upper)
+        return middle, axes, np.array([-behind, *(-extents / 2)]), np.array([before, *(extents / 2)])
+
+    def read(self, simulator: Probed) -> Floats:
+        """Return the flow, ()."""
+        middle, axes, lower, upper = self._band(simulator)
+        part = overlap((simulator.positions - middle) @ axes.T, simulator.particle_spacing, lower, upper)
         speed = simulator.velocities @ axes[0]
-        return np.array(float((simulator.mass * part) @ speed) / (behind + before))
+        return np.array(float((simulator.mass * part) @ speed) / (upper[0] - lower[0]))
+
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        middle, axes, lower, upper = self._band(simulator)
+        start, end = (checked_points("end", one, simulator.scene)[0] for one in (self.start, self.end))
+        return {
+            "kind": "flow",
+            "middle": middle.tolist(),
+            "axes": axes.tolist(),
+            "lower": lower.tolist(),
+            "upper": upper.tolist(),
+            "marks": [[start.tolist(), end.tolist()]],
+        }
 
 
 def _reach(point: Floats, direction: Floats, scene: Scene, most: float) -> float:

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -76,6 +76,20 @@ class Probe(ABC):
     def read(self, simulator: Probed) -> Floats:
         """Return the reading at this instant, of shape () or (K,)."""
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:  # noqa: ARG002 - for probes of the library
+        """Return the kind and the geometry as plain data, from which a page that plays reads as `read` does.
+
+        `marks` are lines through points [m] that show where the probe is.
+
+        Raises
+        ------
+        ConfigError
+            It is a probe of one's own, which no page can read.
+        """
+        raise ConfigError(
+            f"a page reads probes of hybridmpm.probes, got {type(self).__name__}: record this one in Python"
+        )
+
 
 def checked_points(name: str, points: npt.ArrayLike, scene: Scene) -> Floats:
     """Return points (K, D) of one point (D,) or several, or raise `ConfigError`."""
@@ -101,6 +115,13 @@ def checked_patch(lower: npt.ArrayLike, upper: npt.ArrayLike, scene: Scene) -> t
     if not (low < high).all():
         raise ConfigError(f"upper must be above lower along each axis, got {_text(low)} and {_text(high)}")
     return low, high
+
+
+def outline(lower: Floats, upper: Floats) -> list[list[float]]:
+    """Return a line around a box, in 3D around its front in the middle of its depth."""
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]
+    middle = (lower + upper)[2:] / 2
+    return [[(lower, upper)[i][0], (lower, upper)[j][1], *middle] for i, j in corners]
 
 
 def overlap(x: Floats, size: float, lower: Floats, upper: Floats) -> Floats:

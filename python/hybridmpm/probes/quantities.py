@@ -7,7 +7,7 @@ third in pressure, and weights that fall off follow such differences.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from hybridmpm.probes.probe import (
     checked_patch,
     checked_points,
     lattice,
+    outline,
     outside_of_obstacles,
     overlap,
 )
@@ -69,6 +70,19 @@ class Density(Probe):
             values[row] = held / room if room > _LEAST_ROOM else np.nan
         return _shaped(values, self.points)
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        points = checked_points("points", self.points, simulator.scene).tolist()
+        return {
+            "kind": "density",
+            "points": points,
+            "width": _WIDTH * simulator.particle_spacing,
+            "support": _SUPPORT,
+            "samples": _SAMPLES,
+            "least": _LEAST_ROOM,
+            "marks": [[point] for point in points],
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class PatchDensity(Probe):
@@ -91,6 +105,10 @@ class PatchDensity(Probe):
         part = overlap(between_walls(simulator.positions, size, simulator.scene), size, lower, upper)
         room = free_volume(lower, upper, simulator)
         return np.array(float(simulator.mass @ part) / room if room > 0 else np.nan)
+
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        return {"kind": "patch density", **plain_patch(self.lower, self.upper, simulator)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +144,17 @@ class Pressure(Probe):
             values[row] = _fitted((samples.x[near] - point) / reach, samples.pressure[near])
         return _shaped(values, self.points)
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        points = checked_points("points", self.points, simulator.scene).tolist()
+        return {
+            "kind": "pressure",
+            "points": points,
+            "reach": _REACH * simulator.pressure_samples().spacing,
+            "condition": _WORST_CONDITION,
+            "marks": [[point] for point in points],
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class PatchPressure(Probe):
@@ -150,14 +179,34 @@ class PatchPressure(Probe):
         total = float(part.sum())
         return np.array(float(samples.pressure @ part) / total if total > 0 else 0.0)
 
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        return {"kind": "patch pressure", **plain_patch(self.lower, self.upper, simulator)}
+
+
+def plain_patch(lower: npt.ArrayLike, upper: npt.ArrayLike, simulator: Probed) -> dict[str, Any]:
+    """Return what `Probe.plain` says of a box."""
+    low, high = checked_patch(lower, upper, simulator.scene)
+    return {
+        "lower": low.tolist(),
+        "upper": high.tolist(),
+        "samples": _samples(simulator.scene),
+        "marks": [outline(low, high)],
+    }
+
 
 def free_volume(lower: Floats, upper: Floats, simulator: Probed) -> float:
     """Return how much of a box lies outside of obstacles [m^D]."""
     whole = float(np.prod(upper - lower))
     if not simulator.scene.obstacles:
         return whole
-    count = 128 if simulator.scene.dim == 2 else 32
-    return whole * float(outside_of_obstacles(lattice(lower, upper, count), simulator).mean())
+    cells = lattice(lower, upper, _samples(simulator.scene))
+    return whole * float(outside_of_obstacles(cells, simulator).mean())
+
+
+def _samples(scene: Scene) -> int:
+    """Return the number of points along each axis at which the room of a box is looked at."""
+    return 128 if scene.dim == 2 else 32
 
 
 def _near(x: npt.NDArray[np.float32], point: Floats, reach: float) -> npt.NDArray[np.bool_]:

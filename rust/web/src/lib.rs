@@ -3,13 +3,17 @@
 //! The page writes what it gives into the memory that `reserve` returns, and reads what it gets at the address that
 //! a function returns, before its next call. A function that fails returns 0; `message` then has a sentence.
 
+mod dimension;
+mod following;
 mod player;
 
 use std::cell::RefCell;
+use std::ptr::null;
 use std::slice;
 
+use dimension::D;
 use mpm::MpmError;
-use player::{D, Player, Quantity};
+use player::{Player, Quantity};
 
 thread_local! {
     /// What the page gives.
@@ -35,7 +39,7 @@ fn with_bytes<T>(length: usize, f: impl FnOnce(&[u8]) -> T) -> T {
     })
 }
 
-fn keep<T>(result: Result<T, MpmError>) -> Option<T> {
+fn keep<T, E: ToString>(result: Result<T, E>) -> Option<T> {
     result.map_err(|error| MESSAGE.set(error.to_string())).ok()
 }
 
@@ -43,6 +47,12 @@ fn keep<T>(result: Result<T, MpmError>) -> Option<T> {
 #[unsafe(no_mangle)]
 pub extern "C" fn open(length: usize) -> Option<Box<Player>> {
     keep(with_bytes(length, Player::open)).map(Box::new)
+}
+
+/// Lets particles follow the ways of `length` bytes from now on.
+#[unsafe(no_mangle)]
+pub extern "C" fn follow(player: &mut Player, length: usize) -> bool {
+    keep(with_bytes(length, |data| player.follow(data))).is_some()
 }
 
 /// Frees a player.
@@ -68,21 +78,22 @@ pub extern "C" fn has_native_bits() -> bool {
     mpm::products_are_fused()
 }
 
-#[unsafe(no_mangle)]
-pub extern "C" fn solver_version() -> u32 {
-    mpm::SOLVER_VERSION
-}
-
 /// Dimension of the simulations of this module.
 #[unsafe(no_mangle)]
 pub extern "C" fn dim() -> usize {
     D
 }
 
-/// Number of particles.
+/// Number of particles that are shown.
 #[unsafe(no_mangle)]
 pub extern "C" fn count(player: &Player) -> usize {
     player.count()
+}
+
+/// Number of particles that are simulated: fewer in coarse mode.
+#[unsafe(no_mangle)]
+pub extern "C" fn simulated(player: &Player) -> usize {
+    player.simulated()
 }
 
 /// Frames done.
@@ -97,44 +108,47 @@ pub extern "C" fn frame_dt(player: &Player) -> f32 {
     player.frame_dt()
 }
 
-/// Advances by whole frames with the first `numbers` numbers that were given as the force [m/s^2]: none, D for all
-/// particles, or N x D.
+/// Advances by whole frames. With `numbers` above 0 a hand pushes; given are its point, its velocity, its radius and the
+/// largest acceleration: D + D + 2 numbers in SI units.
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(player: &mut Player, frames: usize, numbers: usize) -> bool {
-    let done =
-        GIVEN.with_borrow(|given| player.advance(frames, &given[..numbers.min(given.len())]));
-    keep(done).is_some()
+    keep(with_numbers(numbers, |hand| player.advance(frames, hand))).is_some()
 }
 
-/// Advances by one frame while a hand pushes; given are its point, its velocity, its radius and the largest
-/// acceleration: D + D + 2 numbers in SI units.
-#[unsafe(no_mangle)]
-pub extern "C" fn advance_pushed(player: &mut Player) -> bool {
-    keep(GIVEN.with_borrow(|given| player.advance_pushed(given))).is_some()
-}
-
-/// N x D positions [m].
+/// The first numbers of N x D positions [m]; null where they cannot be computed.
 #[unsafe(no_mangle)]
 pub extern "C" fn positions(player: &mut Player) -> *const f32 {
-    player.read(Quantity::Positions).as_ptr()
+    address(player.read(Quantity::Positions))
 }
 
 /// N x D velocities [m/s].
 #[unsafe(no_mangle)]
 pub extern "C" fn velocities(player: &mut Player) -> *const f32 {
-    player.read(Quantity::Velocities).as_ptr()
+    address(player.read(Quantity::Velocities))
 }
 
-/// N pressures [Pa].
+/// N masses [kg].
+#[unsafe(no_mangle)]
+pub extern "C" fn masses(player: &mut Player) -> *const f32 {
+    address(player.read(Quantity::Masses))
+}
+
+/// n x D positions of the particles that are simulated [m].
+#[unsafe(no_mangle)]
+pub extern "C" fn simulated_positions(player: &mut Player) -> *const f32 {
+    address(player.read(Quantity::SimulatedPositions))
+}
+
+/// n pressures [Pa].
 #[unsafe(no_mangle)]
 pub extern "C" fn pressures(player: &mut Player) -> *const f32 {
-    player.read(Quantity::Pressures).as_ptr()
+    address(player.read(Quantity::Pressures))
 }
 
-/// N volumes over rest volumes [-].
+/// n volumes over rest volumes [-].
 #[unsafe(no_mangle)]
 pub extern "C" fn volume_ratios(player: &mut Player) -> *const f32 {
-    player.read(Quantity::VolumeRatios).as_ptr()
+    address(player.read(Quantity::VolumeRatios))
 }
 
 /// N indices into the materials.
@@ -146,33 +160,35 @@ pub extern "C" fn materials(player: &mut Player) -> *const u8 {
 /// The first `numbers` numbers that were given are points of an obstacle at time 0; returned are their places now.
 #[unsafe(no_mangle)]
 pub extern "C" fn moved(player: &mut Player, obstacle: usize, numbers: usize) -> *const f32 {
-    GIVEN.with_borrow(|given| {
-        player
-            .moved(obstacle, &given[..numbers.min(given.len())])
-            .as_ptr()
-    })
+    with_numbers(numbers, |points| player.moved(obstacle, points).as_ptr())
 }
 
-/// 32 bytes: SHA-256 of ids (u64), positions and velocities (f32).
+/// The first `numbers` numbers that were given are points; returned are their distances from the nearest obstacle [m].
+#[unsafe(no_mangle)]
+pub extern "C" fn distances(player: &mut Player, numbers: usize) -> *const f32 {
+    with_numbers(numbers, |points| player.distances(points).as_ptr())
+}
+
+/// D components of the force and 2 D - 3 of the torque on each of 2 D walls and all obstacles, means over the latest frame
+/// in double precision; null before the first.
+#[unsafe(no_mangle)]
+pub extern "C" fn forces(player: &mut Player) -> *const f64 {
+    match player.forces() {
+        [] => null(),
+        forces => forces.as_ptr(),
+    }
+}
+
+/// 32 bytes: SHA-256 of ids (u64), positions and velocities (f32); null where they cannot be computed.
 #[unsafe(no_mangle)]
 pub extern "C" fn digest(player: &mut Player) -> *const u8 {
-    player.digest().as_ptr()
+    keep(player.digest()).map_or(null(), <[u8]>::as_ptr)
 }
 
-/// The state as bytes; `length` has their number.
-#[unsafe(no_mangle)]
-pub extern "C" fn snapshot(player: &mut Player) -> *const u8 {
-    player.snapshot().as_ptr()
+fn with_numbers<T>(length: usize, f: impl FnOnce(&[f32]) -> T) -> T {
+    GIVEN.with_borrow(|given| f(&given[..length.min(given.len())]))
 }
 
-/// Number of bytes that the latest call returned.
-#[unsafe(no_mangle)]
-pub extern "C" fn length(player: &Player) -> usize {
-    player.length()
-}
-
-/// Takes the state of a snapshot of `length` bytes.
-#[unsafe(no_mangle)]
-pub extern "C" fn restore(player: &mut Player, length: usize) -> bool {
-    keep(with_bytes(length, |data| player.restore(data))).is_some()
+fn address(numbers: Result<&[f32], MpmError>) -> *const f32 {
+    keep(numbers).map_or(null(), <[f32]>::as_ptr)
 }

@@ -1,16 +1,19 @@
-//! A solver, and the memory for what a page reads.
+//! A simulation, and the memory for what a page reads.
 
-use mpm::{Force, MpmError, Solver, Vector};
+use mpm::{CoarseParticles, Force, MpmError, Solver, Start, Upsampler, Vector};
 use sha2::{Digest, Sha256};
 
-/// Dimension of the simulations of this module.
-pub const D: usize = if cfg!(feature = "space") { 3 } else { 2 };
+use crate::dimension::D;
+use crate::following::Following;
 
 /// What a page reads of all particles.
 #[derive(Clone, Copy)]
 pub enum Quantity {
     Positions,
     Velocities,
+    Masses,
+    /// Of the particles that are simulated, which in coarse mode are fewer than those shown.
+    SimulatedPositions,
     Pressures,
     VolumeRatios,
 }
@@ -18,21 +21,81 @@ pub enum Quantity {
 /// One simulation.
 pub struct Player {
     solver: Solver<D>,
+    upsampler: Option<Upsampler<D>>,
+    /// The solver that does failed frames again.
+    safe: Option<Solver<D>>,
+    following: Option<Following>,
     numbers: Vec<f32>,
+    doubles: Vec<f64>,
     bytes: Vec<u8>,
+}
+
+/// The particles that are simulated, as the upsampler takes them.
+struct Simulated {
+    x: Vec<f32>,
+    affine: Vec<f32>,
+    mass: Vec<f32>,
+}
+
+impl Simulated {
+    fn of(solver: &Solver<D>) -> Self {
+        let count = solver.count();
+        let mut found = Self {
+            x: vec![0.0; count * D],
+            affine: vec![0.0; count * D * D],
+            mass: vec![0.0; count],
+        };
+        solver.write_positions(&mut found.x);
+        solver.write_affine(&mut found.affine);
+        solver.write_masses(&mut found.mass);
+        found
+    }
+
+    fn particles<'a>(&'a self, solver: &'a Solver<D>) -> CoarseParticles<'a> {
+        CoarseParticles {
+            ids: solver.ids(),
+            x: &self.x,
+            affine: Some(&self.affine),
+            mass: &self.mass,
+        }
+    }
 }
 
 impl Player {
     pub fn open(data: &[u8]) -> Result<Self, MpmError> {
+        let start = Start::read(data)?;
         Ok(Self {
-            solver: Solver::from_start(data)?,
+            solver: start.solver,
+            upsampler: start.upsampler,
+            safe: start.safe,
+            following: None,
             numbers: Vec::new(),
+            doubles: Vec::new(),
             bytes: Vec::new(),
         })
     }
 
+    /// Lets particles follow ways from now on.
+    pub fn follow(&mut self, data: &[u8]) -> Result<(), String> {
+        self.following = Some(Following::read(data)?);
+        Ok(())
+    }
+
+    /// Number of particles that are shown.
     pub fn count(&self) -> usize {
+        self.ids().len()
+    }
+
+    /// Number of particles that are simulated.
+    pub fn simulated(&self) -> usize {
         self.solver.count()
+    }
+
+    fn ids(&self) -> &[u64] {
+        match &self.upsampler {
+            Some(upsampler) => upsampler.ids(),
+            None => self.solver.ids(),
+        }
     }
 
     pub fn frame(&self) -> u64 {
@@ -43,72 +106,100 @@ impl Player {
         self.solver.settings().frame_dt
     }
 
-    pub fn length(&self) -> usize {
-        self.bytes.len()
-    }
-
-    pub fn advance(&mut self, frames: usize, force: &[f32]) -> Result<(), MpmError> {
-        let force = match force.len() {
-            0 => Force::None,
-            D => Force::Uniform(force),
-            _ => Force::Held(force),
-        };
-        self.solver.advance(frames, force, |_, _| ())
-    }
-
-    /// Advances by a frame with the force of `control.push`: w (velocity - u) / (4 frames), w = (1 - r^2 / R^2)^2,
-    /// within its cap.
-    pub fn advance_pushed(&mut self, hand: &[f32]) -> Result<(), MpmError> {
-        let Some(hand) = hand.first_chunk::<{ 2 * D + 2 }>() else {
-            let allowed = "a point, a velocity, a radius and a largest acceleration";
-            return Err(MpmError::parameter("hand", allowed, hand));
-        };
-        let (point, velocity) = (&hand[..D], &hand[D..2 * D]);
-        let (radius, cap) = (hand[2 * D], hand[2 * D + 1]);
-        let per_speed = 0.25 / self.frame_dt();
-        let x = self.read(Quantity::Positions).to_vec();
-        let v = self.read(Quantity::Velocities);
-        let mut force = vec![0.0; v.len()];
-        let particles = x.chunks_exact(D).zip(v.chunks_exact(D));
-        for (force, (x, v)) in force.chunks_exact_mut(D).zip(particles) {
-            let square: f32 = x.iter().zip(point).map(|(x, p)| (x - p) * (x - p)).sum();
-            let weight = (1.0 - square / (radius * radius)).max(0.0);
-            if weight == 0.0 {
-                continue;
+    /// Advances by frames. `hand` is empty, or a hand that pushes: its point, its velocity, its radius and the largest
+    /// acceleration.
+    pub fn advance(&mut self, frames: usize, hand: &[f32]) -> Result<(), MpmError> {
+        for _ in 0..frames {
+            match self.force(hand)? {
+                None => self.advance_frame(Force::None)?,
+                Some(force) => match &mut self.upsampler {
+                    None => self.advance_frame(Force::Held(&force))?,
+                    Some(upsampler) => {
+                        let gathered = upsampler.gather_force(&force)?;
+                        self.advance_frame(Force::Held(&gathered))?;
+                    }
+                },
             }
-            for (axis, component) in force.iter_mut().enumerate() {
-                *component = weight * weight * (velocity[axis] - v[axis]) * per_speed;
-            }
-            let size = force.iter().map(|a| a * a).sum::<f32>().sqrt();
-            let share = (cap / size.max(1.0e-12)).min(1.0);
-            for component in force {
-                *component *= share;
-            }
+            self.update_shown()?;
         }
-        self.advance(1, &force)
+        Ok(())
     }
 
-    pub fn read(&mut self, quantity: Quantity) -> &[f32] {
-        let of_each = match quantity {
-            Quantity::Positions | Quantity::Velocities => D,
-            Quantity::Pressures | Quantity::VolumeRatios => 1,
-        };
-        self.numbers.resize(self.count() * of_each, 0.0);
-        let solver = &self.solver;
-        match quantity {
-            Quantity::Positions => solver.write_positions(&mut self.numbers),
-            Quantity::Velocities => solver.write_velocities(&mut self.numbers),
-            Quantity::Pressures => solver.write_pressures(&mut self.numbers),
-            Quantity::VolumeRatios => solver.write_volume_ratios(&mut self.numbers),
+    /// Accelerations of the particles that are shown, of ways and hand together; None where there are neither.
+    fn force(&mut self, hand: &[f32]) -> Result<Option<Vec<f32>>, MpmError> {
+        if hand.is_empty() && self.following.is_none() {
+            return Ok(None);
         }
-        &self.numbers
+        let x = self.read(Quantity::Positions)?.to_vec();
+        let v = self.read(Quantity::Velocities)?.to_vec();
+        let (x, v) = (x.as_chunks::<D>().0, v.as_chunks::<D>().0);
+        let following = self.following.as_ref();
+        let force = following.and_then(|ways| ways.force(self.frame(), self.ids(), x, v));
+        if hand.is_empty() {
+            return Ok(force);
+        }
+        let mut force = force.unwrap_or_else(|| vec![0.0; x.len() * D]);
+        push(&mut force, x, v, hand, self.frame_dt())?;
+        Ok(Some(force))
+    }
+
+    /// Advances the particles that are simulated; as the library does, a frame that fails at a coarse level's step is
+    /// done again at the safe one.
+    fn advance_frame(&mut self, force: Force<'_>) -> Result<(), MpmError> {
+        match (self.solver.advance(1, force, |_, _| ()), &mut self.safe) {
+            (Err(_), Some(safe)) => {
+                safe.restore(&self.solver.snapshot())?;
+                safe.advance(1, force, |_, _| ())?;
+                self.solver.restore(&safe.snapshot())
+            }
+            (done, _) => done,
+        }
+    }
+
+    fn update_shown(&mut self) -> Result<(), MpmError> {
+        let (solver, frame) = (&self.solver, self.solver.frame());
+        match &mut self.upsampler {
+            Some(shown) if frame.is_multiple_of(shown.every()) && frame > shown.frame() => {
+                shown.update(&Simulated::of(solver).particles(solver), frame)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    pub fn read(&mut self, quantity: Quantity) -> Result<&[f32], MpmError> {
+        let length = match quantity {
+            Quantity::Positions | Quantity::Velocities => self.count() * D,
+            Quantity::Masses => self.count(),
+            Quantity::SimulatedPositions => self.simulated() * D,
+            Quantity::Pressures | Quantity::VolumeRatios => self.simulated(),
+        };
+        self.numbers.resize(length, 0.0);
+        let (solver, out) = (&self.solver, &mut self.numbers[..]);
+        let frame = solver.frame();
+        match (quantity, &mut self.upsampler) {
+            (Quantity::Positions, Some(shown)) => {
+                shown.write_positions(&Simulated::of(solver).particles(solver), frame, out)?;
+            }
+            (Quantity::Velocities, Some(shown)) => {
+                let mut v = vec![0.0; solver.count() * D];
+                solver.write_velocities(&mut v);
+                let simulated = Simulated::of(solver);
+                shown.write_velocities(&simulated.particles(solver), &v, frame, out)?;
+            }
+            (Quantity::Masses, Some(shown)) => shown.write_masses(out),
+            (Quantity::Positions | Quantity::SimulatedPositions, _) => solver.write_positions(out),
+            (Quantity::Velocities, None) => solver.write_velocities(out),
+            (Quantity::Masses, None) => solver.write_masses(out),
+            (Quantity::Pressures, _) => solver.write_pressures(out),
+            (Quantity::VolumeRatios, _) => solver.write_volume_ratios(out),
+        }
+        Ok(&self.numbers)
     }
 
     /// Where points of an obstacle at time 0 are now; those of an obstacle that does not exist stay.
     pub fn moved(&mut self, obstacle: usize, points: &[f32]) -> &[f32] {
-        let time = self.frame() as f64 * f64::from(self.frame_dt());
         let placed = self.solver.settings().obstacles.get(obstacle);
-        let placed = placed.map(|obstacle| obstacle.at(time));
+        let placed = placed.map(|obstacle| obstacle.at(self.time()));
         self.numbers.clear();
         for point in points.chunks_exact(D) {
             let point = Vector::from_column_slice(point);
@@ -118,33 +209,87 @@ impl Player {
         &self.numbers
     }
 
+    /// Signed distance of points from the nearest obstacle, where that is now [m]; infinite without obstacles.
+    pub fn distances(&mut self, points: &[f32]) -> &[f32] {
+        let obstacles = &self.solver.settings().obstacles;
+        let placed: Vec<_> = obstacles.iter().map(|one| one.at(self.time())).collect();
+        self.numbers.clear();
+        for point in points.chunks_exact(D) {
+            let point = Vector::from_column_slice(point);
+            let distances = placed.iter().map(|one| one.distance(&point));
+            self.numbers.push(distances.fold(f32::INFINITY, f32::min));
+        }
+        &self.numbers
+    }
+
+    fn time(&self) -> f64 {
+        self.frame() as f64 * f64::from(self.frame_dt())
+    }
+
+    /// Mean force and torque on each wall and obstacle over the latest frame; none before the first.
+    pub fn forces(&mut self) -> &[f64] {
+        let solver = match &self.safe {
+            Some(safe) if safe.frame() == self.frame() => safe,
+            _ => &self.solver,
+        };
+        self.doubles = solver
+            .last_frame()
+            .map_or_else(Vec::new, |frame| frame.forces);
+        &self.doubles
+    }
+
     pub fn materials(&mut self) -> &[u8] {
         self.bytes.resize(self.count(), 0);
-        self.solver.write_materials(&mut self.bytes);
+        match &self.upsampler {
+            Some(upsampler) => upsampler.write_materials(&mut self.bytes),
+            None => self.solver.write_materials(&mut self.bytes),
+        }
         &self.bytes
     }
 
-    pub fn digest(&mut self) -> &[u8] {
+    pub fn digest(&mut self) -> Result<&[u8], MpmError> {
         let mut hash = Sha256::new();
-        let ids = self.solver.ids();
-        for id in ids {
+        for id in self.ids() {
             hash.update(id.to_le_bytes());
         }
         for quantity in [Quantity::Positions, Quantity::Velocities] {
-            for number in self.read(quantity) {
+            for number in self.read(quantity)? {
                 hash.update(number.to_le_bytes());
             }
         }
         self.bytes = hash.finalize().to_vec();
-        &self.bytes
+        Ok(&self.bytes)
     }
+}
 
-    pub fn snapshot(&mut self) -> &[u8] {
-        self.bytes = self.solver.snapshot();
-        &self.bytes
+/// Adds the force of `control.push`: w (velocity - u) / (4 frames), w = (1 - r^2 / R^2)^2, within its cap.
+fn push(
+    force: &mut [f32],
+    x: &[[f32; D]],
+    v: &[[f32; D]],
+    hand: &[f32],
+    frame_dt: f32,
+) -> Result<(), MpmError> {
+    let Some(hand) = hand.first_chunk::<{ 2 * D + 2 }>() else {
+        let allowed = "a point, a velocity, a radius and a largest acceleration";
+        return Err(MpmError::parameter("hand", allowed, hand));
+    };
+    let (point, velocity) = (&hand[..D], &hand[D..2 * D]);
+    let (radius, cap) = (hand[2 * D], hand[2 * D + 1]);
+    let per_speed = 0.25 / frame_dt;
+    for (force, (x, v)) in force.chunks_exact_mut(D).zip(x.iter().zip(v)) {
+        let square: f32 = x.iter().zip(point).map(|(x, p)| (x - p) * (x - p)).sum();
+        let weight = (1.0 - square / (radius * radius)).max(0.0);
+        if weight == 0.0 {
+            continue;
+        }
+        let own: [f32; D] =
+            std::array::from_fn(|axis| weight * weight * (velocity[axis] - v[axis]) * per_speed);
+        let size = own.iter().map(|a| a * a).sum::<f32>().sqrt();
+        let share = (cap / size.max(1.0e-12)).min(1.0);
+        for (component, own) in force.iter_mut().zip(own) {
+            *component += share * own;
+        }
     }
-
-    pub fn restore(&mut self, data: &[u8]) -> Result<(), MpmError> {
-        self.solver.restore(data)
-    }
+    Ok(())
 }

@@ -16,6 +16,7 @@ solver = MpmSolver(scenarios.water_2d(0))
 solver.advance(2)
 for name in hybridmpm.physics.models():
     hybridmpm.physics.NeuralModel.load(name)
+hybridmpm.play(solver, "page.html")
 print(solver.frame)
 """
 
@@ -47,3 +48,4 @@ def test_wheel_runs_outside_the_checkout(tmp_path: Path) -> None:
         [sys.executable, "-c", program], cwd=tmp_path, check=True, capture_output=True, text=True
     )
     assert result.stdout == "2\n"
+    assert (tmp_path / "page.html").stat().st_size > 400_000  # with the solver in it

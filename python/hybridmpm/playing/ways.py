@@ -1,0 +1,73 @@
+"""`ways_file`: the ways of a followed sketch as bytes that the WebAssembly module reads."""
+
+import struct
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES
+from hybridmpm.control.guidance import Guidance
+from hybridmpm.control.laws import AHEAD_FRAMES, Tracked
+from hybridmpm.errors import ConfigError
+
+_MAGIC, _VERSION = b"HMWY", 1
+_OUTLINE = 64
+"""Number of points on the outline of an oval."""
+
+
+def ways_file(guidance: Guidance) -> bytes:
+    """Return ways, particles and settings of the force, little-endian; arrays begin with their length.
+
+    Raises
+    ------
+    ConfigError
+        The force of the guidance is not that of particles on ways.
+    """
+    law = guidance.law
+    if not isinstance(law, Tracked):
+        raise ConfigError(
+            f"a page follows sketches by the method analytic or learned, got {guidance.method!r}: plan with "
+            'method="analytic"'
+        )
+    settings = (len(law.gravity), guidance.first_frame, guidance.total_frames, law.cells)
+    size = np.ones(len(law.gravity))  # of the world [m]: sketches steer in that of one metre only
+    parts = [
+        struct.pack("<4sIIIII", _MAGIC, _VERSION, *settings),
+        struct.pack("<d", law.frame_dt),
+        np.concatenate([law.gravity, size]).astype("<f4").tobytes(),
+        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, AHEAD_FRAMES * law.frame_dt, law.cap),
+        _array(law.starts, "<u4"),
+        _array(law.times, "<f4"),
+        _array(law.x, "<f4"),
+        _array(law.v, "<f4"),
+        _array(law.path, "<u4"),
+        _array(law.offset, "<f4"),
+        _array(law.weight, "<f4"),
+        _array(law.ids, "<u4"),
+    ]
+    if law.room is None:
+        parts.append(_array(np.empty(0), "<u4"))
+    else:
+        distance = law.room["distance"]
+        parts += [
+            _array(np.array(distance.shape), "<u4"),
+            np.append(law.room["lower"], law.room["spacing"]).astype("<f8").tobytes(),
+            distance.astype("<f8").tobytes(),
+        ]
+    return b"".join(parts)
+
+
+def _array(values: npt.NDArray[Any], kind: str) -> bytes:
+    return struct.pack("<I", len(values)) + values.astype(kind).tobytes()
+
+
+def drawn(guidance: Guidance) -> list[list[float]]:
+    """Return the line of the sketch (K, D) [m]: the path of an arrow, or the outline of an oval."""
+    goal, oval = guidance.goal, guidance.goal.drawn
+    line = goal.path
+    if oval is not None:
+        turn = np.linspace(0, 2 * np.pi, _OUTLINE)
+        around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * oval.axes[:2]
+        line = oval.center + around @ oval.directions[:2]
+    return [[float(value) for value in point] for point in line]
