@@ -14,7 +14,7 @@ import hybridmpm_service
 from hybridmpm import ConfigError, ExportError
 from hybridmpm_service.site import entries, write_site
 
-NAMES = ["water-wheel", "jelly"]
+NAMES = ["wave-maker", "dam-in-space", "water-2-oval"]
 
 
 @pytest.fixture(scope="module")
@@ -33,17 +33,21 @@ def test_a_site_on_a_disk_has_pages_that_play(browser: Browser, site: Path, widt
     page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto((site / "index.html").as_uri())
-    assert page.locator("li h3").all_inner_texts() == ["Water wheel", "Jelly afloat"]
+    assert page.locator("li h3").all_inner_texts() == ["Wave maker", "Dam in space", "Water into an oval"]
     assert page.evaluate("[...document.images].every((one) => one.naturalWidth > 100)")
     assert page.evaluate("document.documentElement.scrollWidth") == width
-    page.get_by_role("link", name="Jelly afloat").click()
+    page.get_by_role("link", name="Wave maker").click()
     page.wait_for_function("() => document.body.dataset.ready === 'true'")
     assert page.evaluate("document.documentElement.scrollWidth") == width
     page.click("#step")
     page.wait_for_function("() => document.body.dataset.frame === '1'")
-    assert "Try: Dip the ball" in page.locator("#lesson").inner_text()
+    assert "Try: Push against" in page.locator("#lesson").inner_text()
+    assert page.locator("figure b").all_inner_texts() == ["water level", "paddle"]
     page.get_by_role("link", name="All scenes").click()
-    page.wait_for_selector("li h3")
+    page.get_by_role("link", name="Water into an oval").click()
+    page.wait_for_function("() => document.body.dataset.ready === 'true'")
+    page.evaluate("async () => await advance(61)")
+    page.wait_for_function("() => document.body.dataset.frame === '61'")
     context.close()
     assert errors == []
 

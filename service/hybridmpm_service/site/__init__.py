@@ -4,27 +4,37 @@ import html
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hybridmpm import ConfigError, ExportError, MpmSolver, Scene, __version__, play
+from hybridmpm import (
+    ConfigError,
+    ExportError,
+    MpmSolver,
+    Scene,
+    __version__,
+    control,
+    play,
+    probes,
+    scenarios,
+)
 
 _GALLERY = resources.files("hybridmpm_service") / "page" / "gallery"
-_SECTIONS = {"scenes": "Scenes"}
+_SECTIONS = {"scenes": "Scenes", "demos": "Control by sketches"}
 """Titles of the kinds of entries."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A scene of the gallery."""
+    """A scene or a demonstration of the gallery."""
 
     name: str
     """Name of its files."""
     kind: str
-    """Key of its kind."""
+    """Key of its section."""
     title: str
     about: str
     """What is seen, in a sentence."""
@@ -34,16 +44,18 @@ class Entry:
     """What else the gallery says of it."""
 
 
+def _listed() -> dict[str, Any]:
+    listed: dict[str, Any] = json.loads((_GALLERY / "entries.json").read_text(encoding="utf-8"))
+    return listed
+
+
 def entries() -> list[Entry]:
     """Return what the gallery contains, in its order."""
-    listed = json.loads((_GALLERY / "entries.json").read_text(encoding="utf-8"))
-    return list(_entries(listed))
-
-
-def _entries(listed: dict[str, Any]) -> Iterator[Entry]:
-    for kind in _SECTIONS:
-        for name, about in listed[kind].items():
-            yield Entry(name, kind, about.pop("title"), about.pop("about"), about.pop("try"), about)
+    return [
+        Entry(name, kind, about.pop("title"), about.pop("about"), about.pop("try"), about)
+        for kind in _SECTIONS
+        for name, about in _listed()[kind].items()
+    ]
 
 
 def write_site(
@@ -96,9 +108,33 @@ def write_site(
 
 
 def _write_page(entry: Entry, page: Path) -> None:
-    scene = Scene.model_validate_json((_GALLERY / f"{entry.name}.json").read_text(encoding="utf-8"))
     text = f"{entry.about}\n\n**Try:** {entry.to_try}\n\n[All scenes](index.html)"
-    play(MpmSolver(scene, **entry.settings), page, name=entry.title, text=text)
+    solver, more = _scene(entry) if entry.kind == "scenes" else _demo(entry)
+    play(solver, page, name=entry.title, text=text, **more)
+
+
+def scene_of(name: str) -> Scene:
+    """Return the scene of an entry that is one."""
+    return Scene.model_validate_json((_GALLERY / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def _scene(entry: Entry) -> tuple[MpmSolver, dict[str, Any]]:
+    gauges = {
+        name: getattr(probes, kind)(**given)
+        for name, probe in entry.settings.get("probes", {}).items()
+        for kind, given in probe.items()
+    }
+    return MpmSolver(scene_of(entry.name), coarse=entry.settings.get("coarse")), {"probes": gauges}
+
+
+def _demo(entry: Entry) -> tuple[MpmSolver, dict[str, Any]]:
+    listed = _listed()
+    played = listed["played"]
+    solver = MpmSolver(scenarios.get(entry.settings["scenario"], played["seed"]))
+    drawn_on = solver.copy()
+    drawn_on.advance(played["frame"])
+    sketch = control.parse_strokes([listed["sketches"][entry.settings["sketch"]]])
+    return solver, {"guidance": control.prepare(drawn_on, sketch, hold=played["hold"])}
 
 
 def _index(shown: list[Entry]) -> str:
