@@ -12,6 +12,7 @@ _MODULES = {
     "hybrid": "compare.hybrid",
     "models": "compare.lists",
     "plan-errors": "compare.plan_errors",
+    "playing": "speed.playing",
     "service": "service.command",
     "speed": "speed.solver",
     "stability": "stability.map",

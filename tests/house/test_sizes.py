@@ -21,8 +21,8 @@ LIMITS = {
     # 190 lines are for worlds of any size.
     # 90 lines give bodies their mass wherever they lie.
     # 30 lines compare materials by their stiffness over their density.
-    # 220 lines write pages that play, and their texts.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_480),
+    # 460 lines write pages that play, with texts, ways of sketches, and the geometry of probes.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_730),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -31,11 +31,12 @@ LIMITS = {
     # 60 lines pour heaps of sand, whose slope no other case shows.
     # 60 lines let bodies float; 60 drop sand; 120 hang and roll bodies.
     # 120 lines compare findings about coarse levels with what the levels do.
-    "laboratory": (("lab/**.py",), 8_715),
+    # 130 lines time pages that play.
+    "laboratory": (("lab/**.py",), 8_870),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
-    # of the event loop that bound what clients can cost. 160 lines write the gallery as a site,
+    # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
-    "service": (("service/**.py",), 10_400),
+    "service": (("service/**.py",), 10_440),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -48,10 +49,10 @@ LIMITS = {
     # 200 lines pass gaps of some cells, copy sketches that are followed, and photograph them.
     # 190 lines simulate worlds that are no cube of one metre.
     # 20 lines weigh bodies.
-    # 280 lines play pages and a site in a browser, and hold their bits against the native ones.
+    # 520 lines play pages and a site in a browser, and hold their bits and readings against the library's.
     # 140 lines make a release and the documentation, and try both; 240 read metrics and call through a proxy;
     # 220 kill, drain and join nodes; 80 run the Python of documents.
-    "tests": (("tests/**.py",), 31_520),
+    "tests": (("tests/**.py",), 31_730),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -3,6 +3,8 @@
 import importlib.util
 import itertools
 import math
+import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -49,6 +51,20 @@ def test_rows_of_the_solver(tmp_path: Path) -> None:
         per_frame = row["ms_per_frame"] * 1e6 / (row["particles"] * row["substeps"])
         assert row["ns_per_particle_substep"] == pytest.approx(per_frame, rel=0.01)
         assert row["loaded"] == (row["slowdown"] >= timing.QUIET)
+
+
+@pytest.mark.skipif(
+    os.environ.get("CI") != "true" and shutil.which("chromium") is None, reason="needs Debian's chromium"
+)
+def test_rows_of_pages_that_play(tmp_path: Path) -> None:
+    printed, rows = measured(tmp_path, "playing", "--scenario", "water_2d", "--seconds", "1", chart=False)
+    assert [(row["scene"], row["coarse"]) for row in rows] == [("water_2d", None), ("dam-in-space", "1/16")]
+    for row in rows:
+        assert f"{row['page_ms_per_frame']}" in printed
+        assert row["ratio"] == pytest.approx(row["page_ms_per_frame"] / row["native_ms_per_frame"], rel=0.05)
+        assert row["pictures_per_second"] >= 0
+        assert 0 <= row["share_of_real_time"] < 1.2
+        assert row["bytes"] < 1_500_000
 
 
 @pytest.mark.parametrize(
