@@ -526,6 +526,20 @@ impl<const N: usize> LineNodes<N> {
         } else {
             0.0
         };
+        if !separates {
+            for i in 0..LANES {
+                // An outer node that is lighter than its weight would take most of the change, and material would creep off by
+                // a quarter of a cell before it is held. It stays with the wall, as an empty one does.
+                let [outer, middle, _] = self.mass;
+                let light = outer[i] * side.weights[1] < middle[i] * side.weights[0];
+                self.mass[0][i] = if light { 0.0 } else { outer[i] };
+                for k in 0..N {
+                    let momentum = outer[i] * self.v[k][0][i];
+                    given[k][i] = if light { -momentum } else { 0.0 };
+                    self.v[k][0][i] = if light { 0.0 } else { self.v[k][0][i] };
+                }
+            }
+        }
         for i in 0..LANES {
             let mut mobility = [0.0; 3];
             let mut at_wall = [0.0; N];
@@ -557,7 +571,7 @@ impl<const N: usize> LineNodes<N> {
                 }
             }
             for k in 0..N {
-                given[k][i] = change[k] * impulse * held;
+                given[k][i] += change[k] * impulse * held;
                 for step in 0..3 {
                     self.v[k][step][i] += change[k] * impulse * mobility[step];
                 }
