@@ -271,6 +271,16 @@ def test_it_follows_a_sketch_from_seeds_under_the_cap_and_goes_on_from_a_snapsho
     assert np.linalg.norm(force, axis=1).max() <= 3.0 * 9.81 * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("name", ["water_2d", "sand_3d"])
+def test_the_networks_of_the_library_serve_both_dimensions(name: str) -> None:
+    solver = MpmSolver(getattr(scenarios, name)(seed=3), r_p=0.25)
+    solver.advance(30)
+    guidance = prepare(solver, OVAL, method="controlnet", frames=100, cap=15.0)
+    assert guidance.method == "controlnet", guidance.reason
+    assert isinstance(guidance.law, Diffused)
+    assert guidance.law.network == f"controlnet_{name[-2:]}"
+
+
 @pytest.mark.parametrize("sketch", [OVAL, ARROW])
 def test_the_ends_that_the_force_leads_to_are_those_of_the_sketch(
     file_2d: Path, sketch: Sketch, monkeypatch: pytest.MonkeyPatch
