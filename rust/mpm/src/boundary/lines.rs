@@ -14,8 +14,9 @@ use crate::linalg::Vector;
 
 /// Distance from a surface within which a node begins lines across it [cells].
 pub const LINE_CELLS: f32 = 1.01;
-/// A line this near to the sharp edge of a face is left out [cells]: it would hold what flows round the edge.
-const INSET: f32 = 0.5;
+/// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
+/// wider than it is, as lines are a cell apart, and what flows beside it would be held.
+const INSET: f32 = 0.1;
 /// How far from a surface its two sides are looked at [cells].
 const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
