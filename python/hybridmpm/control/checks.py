@@ -8,7 +8,6 @@ import numpy.typing as npt
 from hybridmpm._support.arguments import float64
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.errors import ConfigError
-from hybridmpm.scene import Scene
 
 
 def positive(name: str, value: object, most: float = math.inf) -> float:
@@ -29,12 +28,3 @@ def vector(name: str, value: npt.ArrayLike, dim: int | None = None) -> Floats:
     if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
         raise ConfigError(f"{name} must be {allowed} finite numbers, got {array.tolist()}")
     return array
-
-
-def refuse_world(scene: Scene) -> None:
-    """Raise `ConfigError` for a world of its own size: sketches have the coordinates of one metre."""
-    if scene.world is not None:
-        raise ConfigError(
-            "sketches are for worlds of one metre along each axis: leave `world` out of the scene, or push "
-            "its material by control.push"
-        )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import EARTH, Floats
+from hybridmpm.control.goal.region import NEAR
 from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Floats32, is_whole
 from hybridmpm.control.methods.method import Method
@@ -205,6 +206,7 @@ class Following(Iterator[ControlledFrame]):
             miss=float(np.linalg.norm(centroids[end] - goal.path[-1])),
             rms=float(np.sqrt(np.mean(square[:end]))) / EARTH if end else 0.0,
             peak=float(np.sqrt(max(largest, default=0.0))) / EARTH,
+            near=NEAR * goal.room.unit,
         )
 
 

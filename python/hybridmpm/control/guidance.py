@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
-from hybridmpm.control.checks import positive, refuse_world
+from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
@@ -20,7 +20,7 @@ from hybridmpm.control.goal.who import Who
 from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
-from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch, check_in_world
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator, checked_simulator
@@ -31,8 +31,8 @@ MAX_CAP = 1000.0
 DEFAULT_CAP = 15.0
 """Cap if none is given [g]."""
 DEFAULT_RESOLUTION = 32
-"""Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
-cells is swallowed by the solver's own grid."""
+"""Cells along the longest side of the world of the grid on which forces are smoothed. Finer grids only cost
+force: what is below their cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
 """Need over the cap up to which the whole cap is tried: the least force is largest at its ends, and less does
 the same where it acts all the time."""
@@ -241,13 +241,15 @@ def prepare(
     who : optional
         Who is led, all particles by default; on the others no force acts. The index of a body in
         `scene.bodies`; a material, "water", "sand" or "elastic"; an `Ellipse`, for the particles in it, or an
-        `Arrow`, for those within 2 cm of its line, in the front view; a stroke as `parse_strokes` takes it;
-        or {"particle": number}, the body of a particle, by its number in `Simulator.ids`.
+        `Arrow`, for those within 2 % of the world's longest side of its line, in the front view; a stroke as
+        `parse_strokes` takes it; or {"particle": number}, the body of a particle, by its number in
+        `Simulator.ids`.
     gentle : bool
         Whether a goal out of reach is approached at ease, as near as that leads: with at most 5 g, or the
         middle of the cap and 1 g. False allows for the whole cap, which methods that are objects always have.
     resolution : int in [0, 256]
-        Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
+        Cells along the longest side of the world of the grid on which the force is smoothed; 0 leaves it as
+        it is.
     seed : int in [0, 2**32)
         Seed of what a method draws at random.
     most : int in [hold + 1, 20000]
@@ -261,7 +263,7 @@ def prepare(
     ConfigError
         An argument is out of range, `simulator` is none, or there are no particles, or none that `who` means.
     SketchError
-        Walls and obstacles leave nothing of the goal.
+        The sketch does not lie in the world, or walls and obstacles leave nothing of the goal.
     SimulationError
         The method found no law.
     """
@@ -280,7 +282,7 @@ def prepare(
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
     longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
-    refuse_world(simulator.scene)
+    check_in_world(sketch, simulator.scene.size)
     goal = goal_of(sketch, Cloud.of(simulator, who), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
     if frames is None and needs.frames > longest:

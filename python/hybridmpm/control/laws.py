@@ -191,6 +191,8 @@ class Tracked:
     cap: float
     room: dict[str, Any] | None
     """Fields of a `RoomGrid`, for paths around obstacles; None without obstacles."""
+    unit: float = 1.0
+    """Longest side of the world [m]; the tracks are computed in such lengths."""
 
     @classmethod
     def along(
@@ -201,8 +203,9 @@ class Tracked:
         cells: int,
         cap: float,
         grid: RoomGrid | None,
+        unit: float = 1.0,
     ) -> "Tracked":
-        """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_core.Tracks` takes them."""
+        """Return the law of a motion; `cells` are those along the longest side of the world, `unit` [m]."""
         paths = motion.paths
         times = motion.times.astype(np.float32)
         # Corners in one place have times that are equal in float32.
@@ -225,6 +228,7 @@ class Tracked:
             room=None
             if grid is None
             else {"lower": grid.lower, "spacing": grid.spacing, "distance": grid.distance},
+            unit=unit,
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -233,31 +237,34 @@ class Tracked:
 
     @cached_property
     def _tracks(self) -> _core.Tracks:
+        unit, room = self.unit, self.room
+        if room is not None:
+            room = {name: value / unit for name, value in room.items()}
         return _core.Tracks(
             starts=self.starts,
             times=self.times,
-            x=self.x,
-            v=self.v,
+            x=self.x / unit,
+            v=self.v / unit,
             path=self.path,
-            offset=self.offset,
-            gravity=self.gravity.tolist(),
+            offset=self.offset / unit,
+            gravity=(self.gravity / unit).tolist(),
             shortest=SHORTEST_FRAMES * self.frame_dt,
             ahead=AHEAD_FRAMES * self.frame_dt,
             cells=self.cells,
-            cap=self.cap,
-            space=None if self.room is None else RoomGrid(**self.room).space,
+            cap=self.cap / unit,
+            space=None if room is None else RoomGrid(**room).space,
         )
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:
         """Return (N, D), or a pair where not all particles are led."""
-        x, v = simulator.positions, simulator.velocities
+        x, v = simulator.positions / self.unit, simulator.velocities / self.unit
         time = index * self.frame_dt
         if is_whole(simulator, len(self.ids)):
-            return self._tracks.force(x, v, self.weight, time)
+            return self.unit * self._tracks.force(x, v, self.weight, time)
         present = simulator.ids
         places, known = locate(present, self.ids)
         rows = places[known].astype(np.uint32)
-        force = self._tracks.force(x[known], v[known], self.weight[rows], time, rows)
+        force = self.unit * self._tracks.force(x[known], v[known], self.weight[rows], time, rows)
         return present[known], force
 
 

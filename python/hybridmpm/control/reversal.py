@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from hybridmpm import metrics, scenarios
 from hybridmpm._support.arguments import whole
-from hybridmpm.control.checks import positive, refuse_world
+from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 from hybridmpm.control.laws import Retraced
 from hybridmpm.control.sketch.sketch import MIN_LENGTH, Arrow, Ellipse, Sketch, width_of_depth
@@ -308,7 +308,11 @@ def _require(name: str, value: str, allowed: tuple[str, ...]) -> None:
 
 
 def _require_reversible(scene: Scene) -> None:
-    refuse_world(scene)
+    if scene.world is not None:
+        raise ConfigError(
+            "reversed cases are for worlds of one metre along each axis, as networks are trained in: leave "
+            "`world` out of the scene"
+        )
     moving = any(obstacle.motion is not None for obstacle in scene.obstacles)
     if scene.is_open or moving:
         found = "obstacles that move" if moving else "emitters or sinks"

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
-from hybridmpm.control.goal.region import FULL, NEAR
+from hybridmpm.control.goal.region import FULL
 
 Ending = Literal["done", "cancelled", "superseded", "failed"]
 """End of a followed sketch. superseded: another caller advanced or reset the simulator."""
@@ -29,14 +29,16 @@ class SketchResult:
     """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
     peak: float
     """Largest force on a particle [g]."""
+    near: float
+    """Largest `miss` at which the end counts as reached, 1 % of the longest side of the world [m]."""
 
     @property
     def goal(self) -> bool:
         """Whether the drawn end was reached.
 
-        The centre of mass is at most 1 cm off, and 95 % of the mass is in the goal where one is filled.
+        The centre of mass is `near`, and 95 % of the mass is in the goal where one is filled.
         """
-        return self.miss <= NEAR and (self.inside is None or self.inside >= FULL)
+        return self.miss <= self.near and (self.inside is None or self.inside >= FULL)
 
     def __str__(self) -> str:
         parts = []

@@ -6,12 +6,12 @@ from PIL import Image, ImageDraw
 
 from hybridmpm.render import palette
 from hybridmpm.render.flat import MARGIN
-from hybridmpm.scene import Walls
+from hybridmpm.scene import Scene, Walls
 
 Picture = npt.NDArray[np.uint8]
 
 
-def with_ink(picture: Picture, raster: Picture, walls: Walls, strength: float = 1.0) -> Picture:
+def with_ink(picture: Picture, raster: Picture, scene: Scene, strength: float = 1.0) -> Picture:
     """Lay the ink of a sketch on a picture.
 
     Parameters
@@ -19,18 +19,23 @@ def with_ink(picture: Picture, raster: Picture, walls: Walls, strength: float = 
     picture : uint8 (H, W, 3)
         Front view of the room between the walls and of the margin around them, as `FlatView` draws it.
     raster : uint8 (R, R, 3 or 4)
-        The whole world, [0, 1] along both axes, with ink of one colour on white.
-    walls : Walls
+        The front of the world as `control.render` draws it, with ink of one colour on white.
+    scene : Scene
     strength : float in [0, 1]
         How much of what lies below the ink is hidden.
     """
+    walls, longest = scene.walls, max(scene.size)
     lower, upper = np.array(walls.lower[:2]), np.array(walls.upper[:2])
     margin = MARGIN * float((upper - lower).max())
-    (left, bottom), (right, top) = lower - margin, upper + margin
-    rows, columns = raster.shape[:2]
-    box = (left * columns, (1 - top) * rows, right * columns, (1 - bottom) * rows)
+    # Places in the square that the raster shows, and in one that is wider by a half on each side: walls may
+    # lie on the edge of the world.
+    beside = (longest - np.array(scene.size[:2])) / 2
+    (left, bottom), (right, top) = (lower - margin + beside) / longest, (upper + margin + beside) / longest
+    side = len(raster)
+    wide = np.pad(raster[..., :3], ((side // 2,) * 2, (side // 2,) * 2, (0, 0)), constant_values=255)
+    box = tuple(side * place + side // 2 for place in (left, 1 - top, right, 1 - bottom))
     size = picture.shape[1], picture.shape[0]
-    ink = np.asarray(Image.fromarray(raster[..., :3]).resize(size, Image.Resampling.LANCZOS, box))
+    ink = np.asarray(Image.fromarray(wide).resize(size, Image.Resampling.LANCZOS, box))
     # The ground is white and the ink of one colour: the missing white of a pixel is its share of ink.
     lack = 255.0 - ink
     cover = strength * lack.max(axis=2, keepdims=True) / max(1.0, float(lack.max()))

@@ -64,8 +64,10 @@ T = TypeVar("T")
 _Rounded = Annotated[float, AfterValidator(lambda value: round(value, _DIGITS))]
 
 
-async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> tuple[Sketch, SketchSettings]:
-    """Return the sketch of a request, and its settings.
+async def read_sketch(
+    request: Request, turns: Turns, max_upload_bytes: int, size: tuple[float, ...]
+) -> tuple[Sketch, SketchSettings]:
+    """Return the sketch of a request in a world of a size [m], and its settings.
 
     Raises
     ------
@@ -78,26 +80,28 @@ async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> 
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == "application/json":
-        return await _read_strokes(turns, await request.body())
+        return await _read_strokes(turns, await request.body(), size)
     if media_type == "multipart/form-data":
-        return await _read_form(request, turns, max_upload_bytes)
+        return await _read_form(request, turns, max_upload_bytes, size)
     raise UnsupportedFormatError(
         "send application/json with strokes or multipart/form-data with a picture, "
         f"got {media_type or 'no Content-Type'}"
     )
 
 
-async def _read_strokes(turns: Turns, data: bytes) -> tuple[Sketch, SketchSettings]:
+async def _read_strokes(turns: Turns, data: bytes, size: tuple[float, ...]) -> tuple[Sketch, SketchSettings]:
     content = await read_body(turns, data)
 
     def parse() -> tuple[Sketch, SketchSettings]:
         body = _checked(lambda: SketchRequest.model_validate(content))
-        return parse_strokes(body.strokes), body.settings()
+        return parse_strokes(body.strokes, size), body.settings()
 
     return await _off_loop(turns, "body", parse)
 
 
-async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sketch, SketchSettings]:
+async def _read_form(
+    request: Request, turns: Turns, max_bytes: int, size: tuple[float, ...]
+) -> tuple[Sketch, SketchSettings]:
     known = [*SketchSettings.model_fields]
     async with _form(request, fields=len(known)) as form:
         upload = form.get(_PICTURE)
@@ -116,7 +120,7 @@ async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sk
         data = await upload.read(max_bytes + 1)
     if len(data) > max_bytes:
         raise UploadTooLargeError(f"sketch: the file has more than the allowed {max_bytes} bytes")
-    return await _off_loop(turns, "body.sketch", lambda: parse_png(data)), settings
+    return await _off_loop(turns, "body.sketch", lambda: parse_png(data, size)), settings
 
 
 @contextlib.asynccontextmanager

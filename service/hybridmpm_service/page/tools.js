@@ -4,6 +4,7 @@ import * as controls from "./panels/controls.js";
 import { StageKeys } from "./sketch/keys.js";
 import { StagePointer } from "./sketch/pointer.js";
 import { depthOfWidth } from "./sketch/sketch.js";
+import { sidesOf } from "./stage/units.js";
 
 export class Tools {
   name = "push";
@@ -83,7 +84,8 @@ export class Tools {
 
   /** A pointer's position as a point inside the world box. */
   #sampleOf({ at, time }) {
-    const clamp = (value) => Math.min(1, Math.max(0, value));
+    const sides = sidesOf(this.#scene);
+    const clamp = (value, axis) => Math.min(sides[axis], Math.max(0, value));
     return { point: this.#parts.stage.view.unproject(...at).map(clamp), time };
   }
 

@@ -76,7 +76,7 @@ async def steer_session(
 ) -> SketchBody:
     """Let a sketch steer the session; the answer comes when it is planned, while the session goes on."""
     session = sessions.get(session_id)
-    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes)
+    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes, session.scene.size)
     most = limits.max_sketch_frames
     _check_frames(settings, most)
     steered = await session.steer(sketch, most=most, **settings.model_dump())
@@ -130,7 +130,7 @@ async def trace_sketch(
     respond-async` a job computes the motion.
     """
     session = sessions.get(session_id)
-    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes)
+    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes, session.scene.size)
     numbers = max(1, session.view.particles) * session.scene.dim
     most = max(1, min(limits.max_sketch_frames, MAX_TRAJECTORY_NUMBERS // numbers))
     _check_frames(settings, most)

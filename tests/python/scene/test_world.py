@@ -197,9 +197,7 @@ def test_networks_refuse_worlds_that_they_were_not_trained_for() -> None:
 def test_what_is_for_one_metre_refuses_other_worlds() -> None:
     with pytest.raises(ConfigError, match="trained in a world of one metre"):
         TrainedOn.of([dam((2.0, 0.6))])
-    with pytest.raises(ConfigError, match="sketches are for worlds of one metre"):
-        control.prepare(MpmSolver(dam((2.0, 0.6))), control.Arrow([[0.2, 0.2], [0.5, 0.2]]))
-    with pytest.raises(ConfigError, match="sketches are for worlds of one metre"):
+    with pytest.raises(ConfigError, match="reversed cases are for worlds of one metre"):
         control.reversed_case(dam((2.0, 0.6)), control_frame=10, frames=5)
 
 

@@ -244,8 +244,11 @@ def test_a_stream_of_a_long_world_is_in_metres(client: Client) -> None:
         moved = next(frame for frame in stream.frames() if frame.number == 20)
         # A problem would have been raised; without the push the block would lie on the floor.
         assert moved.positions[:, 1].max() > 0.32
-    with pytest.raises(ServiceError, match="sketches are for worlds of one metre along each axis"):
-        session.steer(ARROW)
+    steered = session.steer([[1.2, 0.2], [0.6, 0.3]])
+    assert steered["sketch"]["points"] == [[1.2, 0.2], [0.6, 0.3]]
+    assert steered["goal"]["path"][-1][0] == pytest.approx(steered["goal"]["path"][0][0] - 0.6, abs=1e-3)
+    with pytest.raises(ServiceError, match=r"points\[1\].*must be in \[0, 1.6\] x \[0, 0.6\] m"):
+        session.steer([[1.2, 0.2], [1.2, 0.7]])
 
 
 def test_the_same_with_asyncio(service: Any) -> None:

@@ -27,6 +27,7 @@ from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP
 from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.physics.load import ZERO, model_for
+from hybridmpm.scene import Scene
 from hybridmpm.scene.plain_data import from_json
 from hybridmpm.simulator import Kind, Simulator
 
@@ -96,7 +97,6 @@ from hybridmpm.simulator import Kind, Simulator
 @click.option(
     "--who",
     metavar="BODY|MATERIAL|FILE",
-    callback=lambda _ctx, _param, text: None if text is None else _who(text),
     help="Who is led: the index of a body, a material, or a sketch over the particles. Default: all.",
 )
 @threads_option
@@ -128,7 +128,7 @@ def control(
 
     Prints the acceleration that the sketch needs and the goal that was reached; with --solver hybrid also the
     simulator of each frame, and why. The exit status is 1 if the goal is not reached; of a learned plan,
-    which does not fill an oval, if the centre of mass is more than 1 cm off.
+    which does not fill an oval, if the centre of mass is farther off than 1 % of the world's longest side.
 
     The suffix of each --out FILE decides its content: .npz has positions, forces and simulators of all
     frames, .gif or .mp4 a film with the sketch, .png a picture of the last state, .ply or .vtp the particles
@@ -136,8 +136,11 @@ def control(
     """
     style = export.Style(width=width, speed=speed)
     check_targets(targets)
-    sketch = _sketch(sketch_file)
-    simulator = _simulator(scene, seed, kind, model, threads)
+    drawn_in = scene_of(scene, seed)
+    sketch = _sketch(sketch_file, drawn_in.size)
+    if settings["who"] is not None:
+        settings["who"] = _who(settings["who"], drawn_in.size)
+    simulator = _simulator(drawn_in, scene if scene in scenarios.NAMES else None, kind, model, threads)
     network = "free fall" if model == ZERO else "the network"
     run = run_control(
         simulator, sketch, start=start, after=after, network=network, report=click.echo, settings=settings
@@ -151,16 +154,14 @@ def control(
         ctx.exit(1)
 
 
-def _simulator(name: str, seed: int, kind: Kind, model: str | None, threads: int) -> Simulator:
-    is_scenario = name in scenarios.NAMES
-    scene = scene_of(name, seed)
+def _simulator(scene: Scene, scenario: str | None, kind: Kind, model: str | None, threads: int) -> Simulator:
     if "model" in simulators.settings_of(kind):
-        model = model_for(model, name if is_scenario else None)
+        model = model_for(model, scenario)
     return simulators.make(kind, scene, model=model, threads=threads)
 
 
-def _sketch(file: Path) -> Sketch:
-    """Return the sketch in a file.
+def _sketch(file: Path, size: tuple[float, ...]) -> Sketch:
+    """Return the sketch in a file, of a world of this size [m].
 
     Raises
     ------
@@ -170,7 +171,7 @@ def _sketch(file: Path) -> Sketch:
     data = file.read_bytes()
     try:
         if file.suffix.lower() != ".json":
-            sketch = parse_png(data)
+            sketch = parse_png(data, size)
             if sketch.note is not None:
                 click.echo(f"{file}: {sketch.note}", err=True)
             return sketch
@@ -180,16 +181,16 @@ def _sketch(file: Path) -> Sketch:
             raise SketchError(f"is not JSON: {error}") from None
         if not isinstance(content, dict) or set(content) != {"strokes"}:
             raise SketchError('must be an object {"strokes": [one stroke]}')
-        return parse_strokes(content["strokes"])
+        return parse_strokes(content["strokes"], size)
     except ConfigError as error:
         raise SketchError(f"{file}: {error}") from error
 
 
-def _who(text: str) -> Who:
+def _who(text: str, size: tuple[float, ...]) -> Who:
     """Return who is led, from a number, the name of a material or a file with a sketch."""
     if text.isdecimal():
         return int(text)
-    return _sketch(Path(text)) if Path(text).suffix and Path(text).is_file() else text
+    return _sketch(Path(text), size) if Path(text).suffix and Path(text).is_file() else text
 
 
 def _write(target: Path, run: ControlRun, style: export.Style) -> None:

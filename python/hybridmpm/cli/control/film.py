@@ -35,9 +35,9 @@ class ControlFilm:
 
     def __init__(self, run: ControlRun, width: int) -> None:
         recording = run.recording
-        self._run, self._walls = run, recording.scene.walls
+        self._run, self._scene = run, recording.scene
         self._view = view_of(recording.scene, recording.types, width, recording.spacing)
-        self._raster = render(run.guidance.sketch)
+        self._raster = render(run.guidance.sketch, recording.scene.size)
         self._by = run.simulated_by
         self._frame_dt = recording.scene.frame_dt
         self._is_flat = recording.scene.dim == 2
@@ -54,10 +54,10 @@ class ControlFilm:
 
     def _with_sketch(self, picture: Picture) -> Picture:
         if self._is_flat:
-            return with_ink(picture, self._raster, self._walls, _GHOST)
-        inset = empty_front(self._walls, round(_INSET * picture.shape[1]))
+            return with_ink(picture, self._raster, self._scene, _GHOST)
+        inset = empty_front(self._scene.walls, round(_INSET * picture.shape[1]))
         picture = picture.copy()
-        picture[: inset.shape[0], -inset.shape[1] :] = with_ink(inset, self._raster, self._walls)
+        picture[: inset.shape[0], -inset.shape[1] :] = with_ink(inset, self._raster, self._scene)
         return picture
 
     def _with_caption(self, picture: Picture, frame: int) -> Picture:

@@ -9,7 +9,6 @@ import numpy as np
 
 from hybridmpm.cli.progress import progress
 from hybridmpm.control import ControlledTrajectory, Guidance, Sketch, follow
-from hybridmpm.control.goal.region import NEAR
 from hybridmpm.decisions import Decision, Mode, Span, spans
 from hybridmpm.recording import Recording
 from hybridmpm.recording.recording import check_size
@@ -52,7 +51,7 @@ class ControlRun:
         centre of mass decides.
         """
         reached = self.led.reached
-        return reached.goal or (self.guidance.method == "learned" and reached.miss <= NEAR)
+        return reached.goal or (self.guidance.method == "learned" and reached.miss <= reached.near)
 
     @property
     def spans(self) -> list[Span]:

@@ -11,8 +11,8 @@ from hybridmpm.control.goal.room import Room, RoomGrid
 
 _SAMPLE = 160
 """Number of particles that stand for a body."""
-_STEP = 1 / 64
-"""Distance at which a way is looked at [m]."""
+STEP = 1 / 64
+"""Distance at which a way is looked at, over the longest side of the world."""
 _HIT = 0.02
 """Share of a body in obstacles from which on its way is blocked."""
 _OUTSIDE = 0.1
@@ -28,7 +28,7 @@ _CLEARANCE = 1.5
 """Distance that a body keeps from obstacles where there is room [spacings]."""
 
 
-def resampled(path: Floats, step: float = _STEP) -> Floats:
+def resampled(path: Floats, step: float) -> Floats:
     """Return points (M, D) along a path (K, D), its corners among them, at most `step` apart [m]."""
     pieces = [path[:1]]
     for start, end in itertools.pairwise(path):

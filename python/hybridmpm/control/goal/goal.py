@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm.control.goal.bends import Bends, resampled
+from hybridmpm.control.goal.bends import STEP, Bends, resampled
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.paths import Paths, arrow_path, cornered
 from hybridmpm.control.goal.region import FULL, NEAR, Fill, Oval, Region, gathered, region_of
@@ -309,7 +309,7 @@ class Goal:
             if self.region is not None and self.cloud.elastic > _SOLID:
                 text = "walls and obstacles leave no room at the tip for the shape of the elastic body"
                 found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
-            elif off > NEAR:
+            elif off > NEAR * self.room.unit:
                 text = f"walls and obstacles keep the centre of mass {100 * off:.0f} cm from the tip"
                 found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
         return found
@@ -374,7 +374,7 @@ def _in_groups(cloud: Cloud, cells: Floats, grid: RoomGrid | None) -> Paths:
 
 
 def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
-    path = cloud.centroid + arrow_path(sketch, cloud.dim, scene.walls)
+    path = cloud.centroid + arrow_path(sketch, cloud.dim, scene.walls, room.unit)
     kept = cloud.x + (path[-1] - path[0])
     keeps = bool(room.is_free(kept).mean() >= 1 - _MISFIT)
     if cloud.elastic > _SOLID:
@@ -383,9 +383,9 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     kept = np.clip(kept, room.lower, room.upper)
     disc = None if keeps else _Disc.of(path, cloud, room)
     body = Bends.of(room, cloud.x, kept if disc is None else disc.places, path)
-    way, bent = resampled(path), []
+    way, bent = resampled(path, STEP * room.unit), []
     if (inward := body.within(way)) is not None:
-        way, path = inward, cornered(inward)
+        way, path = inward, cornered(inward, room.unit)
         bent.append("the way left the room and was bent back into it")
     grid = room.grid()
     if grid is None or not body.hits(way).any():
@@ -393,7 +393,7 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
         return Goal(sketch, cloud, room, paths, path, None, disc.region if disc else None, tuple(bent))
     bent.append("the way was bent round obstacles")
     if keeps and (around := body.around(way, grid)) is not None:
-        path = cornered(around)
+        path = cornered(around, room.unit)
         return Goal(sketch, cloud, room, _together(path, cloud, kept), path, None, None, tuple(bent))
     if keeps and cloud.elastic > _SOLID:
         paths = _together(path[[0, -1]], cloud, kept, cut_off=True).held_back(cloud.x, room)
@@ -403,18 +403,18 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     inward = body.within(way)
     around = body.around(way if inward is None else inward, grid)
     if around is not None:
-        path = cornered(around)
+        path = cornered(around, room.unit)
         paths = disc.paths(path, cloud, room, early=True)
         return Goal(sketch, cloud, room, paths, path, None, disc.region, tuple(bent))
     if (thread := threaded(way, cloud, disc.region, body, grid)) is not None:
         paths, line = thread
-        return Goal(sketch, cloud, room, paths, cornered(line), None, disc.region, tuple(bent))
+        return Goal(sketch, cloud, room, paths, cornered(line, room.unit), None, disc.region, tuple(bent))
     region = None if keeps else disc.region
     paths = _in_groups(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
     if paths.cut_off.all():
         bent.pop()
     middle = body.centre().around(way, grid)
-    path = path if middle is None else cornered(middle)
+    path = path if middle is None else cornered(middle, room.unit)
     return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, None, region, tuple(bent))
 
 

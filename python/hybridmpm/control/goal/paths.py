@@ -20,7 +20,8 @@ do not."""
 _SHARE = 0.95
 """Share of the mass that a needed acceleration is given for, so that a few drops far off do not set it."""
 _TOLERANCE = 0.008
-"""Largest distance [m] of a drawn point from the simplified path; a hand trembles by less."""
+"""Largest distance of a drawn point from the simplified path, over the longest side of the world; a hand
+trembles by less."""
 _CORNERS = 64
 """Largest number of points of the simplified path. The time to plan grows with their square, and no fluid
 follows so many bends."""
@@ -34,8 +35,8 @@ _PIECES = 8
 """Smallest number of pieces of a bent path, so that the spline through them stays near to it."""
 
 
-def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
-    """Return points (K, D) [m] of the path of an arrow, from 0 on, K >= 2.
+def arrow_path(arrow: Arrow, dim: int, walls: Walls, unit: float) -> Floats:
+    """Return points (K, D) [m] of the path of an arrow, from 0 on, K >= 2; `unit` as in `cornered`.
 
     Points on a line between others are left out; a straight arrow has two. In 3D the widths of the stroke
     give the depth; without widths the depth is constant.
@@ -47,12 +48,15 @@ def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
             back, front = walls.lower[2], walls.upper[2]
             depth = np.array([depth_of_width(float(width), back, front) for width in arrow.widths])
         points = np.column_stack([points, depth])
-    return cornered(points - points[0])
+    return cornered(points - points[0], unit)
 
 
-def cornered(points: Floats) -> Floats:
-    """Return corners (K, D) of a path (M, D), near enough to each other that a spline stays near to it."""
-    few = _simplified(points)
+def cornered(points: Floats, unit: float) -> Floats:
+    """Return corners (K, D) of a path (M, D), near enough to each other that a spline stays near to it.
+
+    `unit` is the longest side of the world [m].
+    """
+    few = _simplified(points, _TOLERANCE * unit)
     if len(few) == 2:
         return few
     lengths = np.linalg.norm(np.diff(few, axis=0), axis=1)
@@ -64,14 +68,14 @@ def cornered(points: Floats) -> Floats:
     return np.concatenate(path)
 
 
-def _simplified(points: Floats) -> Floats:
+def _simplified(points: Floats, tolerance: float) -> Floats:
     """Leave out points near to lines between others (Ramer 1972; Douglas and Peucker 1973).
 
     At most `_CORNERS` points are kept, those that lie farthest off.
     """
     kept = [0, len(points) - 1]
     gaps = [_farthest(points, *kept)]
-    while len(kept) < _CORNERS and -gaps[0][0] > _TOLERANCE:
+    while len(kept) < _CORNERS and -gaps[0][0] > tolerance:
         _, middle, first, last = heapq.heappop(gaps)
         kept.append(middle)
         heapq.heappush(gaps, _farthest(points, first, middle))

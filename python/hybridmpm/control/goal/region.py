@@ -82,11 +82,12 @@ Fill = Literal["even", "shrink"]
 """Filling of an oval larger than the fluid: evenly, or after it is shrunk to the fluid's volume."""
 
 NEAR = 0.01
-"""Largest distance of the centre of mass from the drawn end at which that is reached [m]."""
+"""Largest distance of the centre of mass from the drawn end at which that is reached, over the longest side
+of the world."""
 FULL = 0.95
 """Least share of the mass inside of a region at which that counts as filled [-]."""
 _CENTRED = 0.7 * NEAR
-"""Distance of a region's middle from the tip at which its fluid arrives there [m]."""
+"""Distance of a region's middle from the tip at which its fluid arrives there, likewise."""
 _SHIFTS = 40
 """Number of shifts of a disc whose middle walls and obstacles have moved."""
 _ROOM = 1.03
@@ -178,7 +179,10 @@ def gathered(tip: Floats, room: Room, *, volume: float, particles: int) -> Regio
     start = np.clip(tip, room.lower, room.upper)
     around, name = Oval.ball(start, volume), "the place for the fluid around the tip"
     region = region_of(around, room, volume=volume, particles=particles, fill="shrink", name=name)
-    if np.linalg.norm(region.cells.mean(axis=0) - tip) <= NEAR or not room.is_free(tip[None]).all():
+    if (
+        np.linalg.norm(region.cells.mean(axis=0) - tip) <= NEAR * room.unit
+        or not room.is_free(tip[None]).all()
+    ):
         return region
     nodes, side = room.lattice()
     count = min(len(nodes), max(1, round(_ROOM * volume / side ** len(tip))))
@@ -193,7 +197,7 @@ def gathered(tip: Floats, room: Room, *, volume: float, particles: int) -> Regio
     _, center, radius = min(found, key=lambda one: one[0])
     disc = Oval(center, np.full(len(tip), radius), np.eye(len(tip)))
     shifted = _filled(disc, room, volume=volume, particles=particles, fill="shrink")
-    return shifted if np.linalg.norm(shifted.cells.mean(axis=0) - tip) <= _CENTRED else region
+    return shifted if np.linalg.norm(shifted.cells.mean(axis=0) - tip) <= _CENTRED * room.unit else region
 
 
 def _nearest_cells(

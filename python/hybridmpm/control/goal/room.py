@@ -10,8 +10,8 @@ from hybridmpm import _core
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.scene import Scene
 
-_NODES_PER_METRE = {2: 64, 3: 24}
-"""Nodes per metre of the grid for paths around obstacles, by dimension."""
+_NODES = {2: 64, 3: 24}
+"""Nodes along the longest side of the world of the grid for paths around obstacles, by dimension."""
 
 
 class Room:
@@ -29,6 +29,8 @@ class Room:
         """Corner of the walls with the smallest coordinates (D,) [m]."""
         self.upper: Floats = np.array(scene.walls.upper)
         """Corner of the walls with the largest coordinates (D,) [m]."""
+        self.unit = max(scene.size)
+        """Longest side of the world [m]. Lengths that suit a hand and an eye are parts of it."""
         self.scene = scene
         self._solids = [obstacle.to_native() for obstacle in scene.obstacles]
         self._time = time
@@ -61,7 +63,7 @@ class Room:
 
     def lattice(self) -> tuple[Floats, float]:
         """Return the free points (M, D) of a lattice [m], and their distance [m]."""
-        side = 1 / _NODES_PER_METRE[len(self.lower)]
+        side = self.unit / _NODES[len(self.lower)]
         axes = [np.arange(a + side / 2, b, side) for a, b in zip(self.lower, self.upper, strict=True)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         return points[self.is_free(points)], side
@@ -70,7 +72,7 @@ class Room:
         """Return the room on a coarse grid, for paths around obstacles; None where there are none."""
         if not self._solids:
             return None
-        cells = _NODES_PER_METRE[len(self.lower)]
+        cells = _NODES[len(self.lower)] / self.unit
         # Whole spacings between the walls, so that the outermost nodes lie on or within them.
         axes = [
             a + np.arange(max(1, int((b - a) * cells + 1e-9)) + 1) / cells

@@ -19,9 +19,9 @@ _SMOOTHED = 2.0
 _POINTS = 256
 """Number of points of the way."""
 _PIECE = 0.05
-"""Distance of the corners of a group's path, at least [m]."""
+"""Distance of the corners of a group's path, at least, over the longest side of the world."""
 _GRADUAL = 0.2
-"""Length over which a group takes up the speed of the thread, and gives it up again [m]."""
+"""Length over which a group takes up the speed of the thread, and gives it up again, likewise."""
 _MOST = 40
 """Largest number of corners of a group's path."""
 
@@ -71,10 +71,11 @@ def threaded(
     # Places of the groups along the way at the start and at the end, and in front of the middle between.
     least, most = before[:, 0], np.maximum(before[:, 0], length + after[:, 0])
     ahead = after[:, 0] / width ** (cloud.dim - 1)
-    first, last = (least - ahead).min() - _GRADUAL, (most - ahead).max() + _GRADUAL
-    middle = np.linspace(first, last, min(_MOST, max(3, int((last - first) / _PIECE))))
-    place = least[:, None] + _ramp(middle + (ahead - least)[:, None])[:, 1:-1]
-    place = most[:, None] - _ramp(most[:, None] - place)
+    gradual, piece = _GRADUAL * body.room.unit, _PIECE * body.room.unit
+    first, last = (least - ahead).min() - gradual, (most - ahead).max() + gradual
+    middle = np.linspace(first, last, min(_MOST, max(3, int((last - first) / piece))))
+    place = least[:, None] + _ramp(middle + (ahead - least)[:, None], gradual)[:, 1:-1]
+    place = most[:, None] - _ramp(most[:, None] - place, gradual)
     radius = half / width
     left = np.clip((place - least[:, None]) / radius, 0, 1)[..., None]
     near = np.clip((most[:, None] - place) / radius, 0, 1)[..., None]
@@ -99,9 +100,9 @@ def threaded(
     return dataclasses.replace(paths, pace=pace), found
 
 
-def _ramp(x: Floats) -> Floats:
-    """Return `x` where it is well above 0 [m], and 0 where it is well below, with a gradual change."""
-    return np.asarray(_GRADUAL / 2 * np.logaddexp(0, 2 * x / _GRADUAL))
+def _ramp(x: Floats, gradual: float) -> Floats:
+    """Return `x` where it is well above 0, and 0 where it is well below; it changes over a length."""
+    return np.asarray(gradual / 2 * np.logaddexp(0, 2 * x / gradual))
 
 
 def _even(line: Floats) -> Floats:

@@ -25,7 +25,7 @@ MATERIALS = {"water": WATER, "sand": SAND, "elastic": GOOP}
 _SAME = 1 + 1e-6
 """Largest ratio of two spacings that are the same but for rounding."""
 _REACH = 0.02
-"""Distance within which a line chooses particles [m]."""
+"""Distance within which a line chooses particles, over the longest side of the world."""
 _FORMS = 'must be the index of a body, "water", "sand", "elastic", a stroke or {"particle": number}'
 
 
@@ -44,12 +44,12 @@ def chosen(simulator: Simulator, who: Who) -> npt.NDArray[np.bool_]:
             raise ConfigError(f"who {_FORMS}, got {who!r}{did_you_mean(who, tuple(MATERIALS))}")
         found = simulator.materials == MATERIALS[who]
     elif isinstance(who, Arrow | Ellipse):
-        found = _under(who, simulator.positions.astype(np.float64)[:, :2])
+        found = _under(who, simulator)
     elif isinstance(who, Mapping):
         found = (
             _of_body(simulator, _body_of(simulator, who["particle"]))
             if set(who) == {"particle"}
-            else _under(parse_strokes([who]), simulator.positions.astype(np.float64)[:, :2])
+            else _under(parse_strokes([who], simulator.scene.size), simulator)
         )
     elif isinstance(who, int | np.integer) and not isinstance(who, bool):
         found = _of_body(simulator, whole("who", who, 0, max(0, len(simulator.scene.bodies) - 1)))
@@ -82,14 +82,15 @@ def _of_body(simulator: Simulator, body: int) -> npt.NDArray[np.bool_]:
     return np.asarray(bodies[np.minimum(simulator.ids, len(bodies) - 1)] == body)
 
 
-def _under(stroke: Sketch, x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    """Return which points (N, 2) of the front view lie in an oval, or near to a line, (N,)."""
+def _under(stroke: Sketch, simulator: Simulator) -> npt.NDArray[np.bool_]:
+    """Return which particles lie in an oval of the front view, or near to a line, (N,)."""
+    x, reach = simulator.positions.astype(np.float64)[:, :2], _REACH * max(simulator.scene.size)
     if isinstance(stroke, Arrow):
-        count = 2 + int(2 * arc_lengths(stroke.points)[-1] / _REACH)
+        count = 2 + int(2 * arc_lengths(stroke.points)[-1] / reach)
         line = evenly_spaced(stroke.points, count)
         found = np.zeros(len(x), dtype=bool)
         for point in line:
-            found |= ((x - point) ** 2).sum(axis=1) <= _REACH**2
+            found |= ((x - point) ** 2).sum(axis=1) <= reach**2
         return found
     cos, sin = np.cos(stroke.angle), np.sin(stroke.angle)
     local = (x - stroke.center) @ np.array([[cos, -sin], [sin, cos]]) / stroke.axes

@@ -12,7 +12,7 @@ import numpy as np
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.laws import Floats32, Uniform, is_whole
 from hybridmpm.control.methods.method import Task
-from hybridmpm.errors import SimulationError
+from hybridmpm.errors import FrameCancelledError, SimulationError
 from hybridmpm.simulator import Simulator
 
 MAX_ACCELERATION = 100.0
@@ -25,7 +25,7 @@ MAX_ROLLOUTS = 5
 _ALLOWED_MISS = 0.01
 """Shooting ends when the miss is below this fraction of the target displacement [-]."""
 _SMALLEST_MISS = 1e-3
-"""Shooting also ends when the miss is below this length [m]."""
+"""Shooting also ends when the miss is below this part of the longest side of the world [-]."""
 _MAX_USELESS = 2
 """Shooting ends after this many rollouts without progress: a wall is in the way, and no force moves it."""
 
@@ -95,7 +95,8 @@ class _Shooting:
         `trial` is the first acceleration (D,) [m/s^2]; `gain` (D, D) [s^2] is the first guess of the
         derivative of the displacement by the acceleration.
         """
-        good_enough = max(_SMALLEST_MISS, _ALLOWED_MISS * float(np.linalg.norm(self._target)))
+        smallest_miss = _SMALLEST_MISS * self._task.goal.room.unit
+        good_enough = max(smallest_miss, _ALLOWED_MISS * float(np.linalg.norm(self._target)))
         best: _Shot | None = None
         last: _Shot | None = None
         smallest, useless = np.inf, 0
@@ -103,6 +104,8 @@ class _Shooting:
         for _ in range(MAX_ROLLOUTS):
             try:
                 shot = self._rollout(trial)
+            except FrameCancelledError:
+                raise
             except SimulationError as err:
                 failures.append(err)
                 # Halfway back to an acceleration that works: the best one so far, else none at all.

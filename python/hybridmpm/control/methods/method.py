@@ -26,7 +26,8 @@ class Task:
     cap: float
     """Largest acceleration besides gravity [g]."""
     resolution: int
-    """Cells per metre of the grid on which a force is smoothed; 0 leaves it as it is."""
+    """Cells along the longest side of the world of the grid on which a force is smoothed; 0 leaves it as it
+    is."""
     seed: int
     """Seed of the random numbers of a method."""
     on_frame: Callable[[], object]
@@ -46,6 +47,7 @@ class Task:
             cells=self.resolution,
             cap=self.cap_si,
             grid=self.goal.room.grid(),
+            unit=self.goal.room.unit,
         )
 
 

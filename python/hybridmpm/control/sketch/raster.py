@@ -1,5 +1,6 @@
 """Reading a picture: the arrow or oval in its ink."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,16 @@ from hybridmpm.control.sketch.inked_arrow import read_arrow
 from hybridmpm.control.sketch.outline import Outline, fit_outline
 from hybridmpm.control.sketch.picture import decode
 from hybridmpm.control.sketch.sketch import (
+    ONE_METRE,
     RASTER_SIZE,
     WIDTH_AT_BACK,
     WIDTH_AT_FRONT,
+    Arrow,
     Ellipse,
     Floats,
     Sketch,
+    check_in_world,
+    margin_of,
 )
 from hybridmpm.errors import SketchError
 
@@ -88,7 +93,7 @@ def _line_width(outline: Outline, local: Floats, weights: Floats) -> float:
     return float(np.median((ink / length)[ink > 0]))
 
 
-def parse_png(data: bytes) -> Sketch:
+def parse_png(data: bytes, size: Sequence[float] = ONE_METRE) -> Sketch:
     """Return the sketch in a picture, a PNG, JPEG or WebP.
 
     The ground is the colour of most pixels, near each place where the light is uneven. Red ink is an arrow,
@@ -103,6 +108,9 @@ def parse_png(data: bytes) -> Sketch:
         A still picture of 16 to 4096 pixels a side and at most 1 MiB, turned as its EXIF orientation says.
         Transparent pixels are white, or black where the ink is white. A picture that is not square is fitted
         into the middle of a square, as `note` of the sketch says.
+    size : sequence of 2 or 3 floats
+        Length of the world along each axis [m], as `Scene.size` has it. Its front is in the middle of the
+        square; its longest side is as long as that.
 
     Raises
     ------
@@ -112,7 +120,18 @@ def parse_png(data: bytes) -> Sketch:
         looks like its tail, or there are other lines beside it.
     """
     picture, note = decode(data)
-    return replace(_sketch_in(read_ink(picture, is_lossy=not data.startswith(b"\x89PNG"))), note=note)
+    sketch = _sketch_in(read_ink(picture, is_lossy=not data.startswith(b"\x89PNG")))
+    longest, margin = max(size), margin_of(size)
+    if isinstance(sketch, Arrow):
+        points = np.clip(longest * sketch.points - margin, 0.0, size[:2])
+        placed: Sketch = replace(sketch, points=points, note=note)
+    else:
+        center, axes = longest * sketch.center - margin, longest * sketch.axes
+        if not np.all(center >= 0):
+            raise SketchError("the middle of the oval lies beside the world: draw it within")
+        placed = replace(sketch, center=center, axes=axes, note=note)
+    check_in_world(placed, size)
+    return placed
 
 
 def _sketch_in(ink: Ink) -> Sketch:

@@ -1,6 +1,7 @@
 """Drawing sketches as rasters: a red arrow or a green outline on white, or whatever a hand has drawn."""
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,15 @@ import numpy.typing as npt
 from PIL import Image
 
 from hybridmpm.control.sketch.polyline import arc_lengths, at_arc_length
-from hybridmpm.control.sketch.sketch import RASTER_SIZE, Arrow, Ellipse, Floats, Sketch
+from hybridmpm.control.sketch.sketch import (
+    ONE_METRE,
+    RASTER_SIZE,
+    Arrow,
+    Ellipse,
+    Floats,
+    Sketch,
+    margin_of,
+)
 from hybridmpm.errors import SketchError
 
 ARROW_WIDTH = 4.0
@@ -33,7 +42,7 @@ class PenStroke:
     """One line of a drawing."""
 
     points: Floats
-    """Points (K, 2) in the front view [m], y up; what lies outside of [0, 1] is not seen."""
+    """Points (K, 2) in the front view [m], y up; what lies outside of the picture is not seen."""
     widths: Floats
     """Width at each point (K,) [pixels of the 512-pixel raster]."""
     times: Floats | None = None
@@ -53,24 +62,27 @@ class Drawing:
     """Red, green and blue of the ground, 0 to 255."""
 
 
-def drawing_of(sketch: Sketch) -> Drawing:
-    """Return the drawing of a sketch.
+def drawing_of(sketch: Sketch, longest: float = 1.0) -> Drawing:
+    """Return the drawing of a sketch in a world whose longest side is given [m].
 
     An arrow has a shaft of its widths, or of `ARROW_WIDTH`, and a filled triangular head whose point is the
     tip. The widths change linearly along each segment. An ellipse is one closed outline.
     """
-    return _drawn_arrow(sketch) if isinstance(sketch, Arrow) else _drawn_ellipse(sketch)
+    return _drawn_arrow(sketch, longest) if isinstance(sketch, Arrow) else _drawn_ellipse(sketch)
 
 
-def render(drawing: Sketch | Drawing) -> npt.NDArray[np.uint8]:
-    """Return a sketch or a drawing as a picture, uint8 (512, 512, 4) RGBA, opaque, row 0 on top."""
+def render(drawing: Sketch | Drawing, size: Sequence[float] = ONE_METRE) -> npt.NDArray[np.uint8]:
+    """Return a sketch or a drawing as a picture, uint8 (512, 512, 4) RGBA, opaque, row 0 on top.
+
+    The front of the world of a `size` [m] is in the middle; its longest side is as long as the picture.
+    """
     if not isinstance(drawing, Drawing):
-        drawing = drawing_of(drawing)
+        drawing = drawing_of(drawing, max(size))
     coverage = np.zeros((RASTER_SIZE, RASTER_SIZE))
     for stroke in drawing.strokes:
-        _draw_stroke(coverage, _to_pixels(stroke.points), stroke.widths / 2)
+        _draw_stroke(coverage, _to_pixels(stroke.points, size), stroke.widths / 2)
     for corners in drawing.fills:
-        _fill(coverage, _to_pixels(corners))
+        _fill(coverage, _to_pixels(corners, size))
     ink, ground = np.array(drawing.color), np.array(drawing.ground)
     picture = np.empty((RASTER_SIZE, RASTER_SIZE, 4), dtype=np.uint8)
     picture[:] = (*drawing.ground, 255)
@@ -79,19 +91,20 @@ def render(drawing: Sketch | Drawing) -> npt.NDArray[np.uint8]:
     return picture
 
 
-def render_png(drawing: Sketch | Drawing) -> bytes:
-    """Return a sketch or a drawing as a PNG, 512 x 512 RGBA; `parse_png` reads the sketch from it."""
+def render_png(drawing: Sketch | Drawing, size: Sequence[float] = ONE_METRE) -> bytes:
+    """Return the picture of `render` as a PNG, 512 x 512 RGBA; `parse_png` reads the sketch from it."""
     data = io.BytesIO()
-    Image.fromarray(render(drawing)).save(data, "PNG")
+    Image.fromarray(render(drawing, size)).save(data, "PNG")
     return data.getvalue()
 
 
-def _drawn_arrow(arrow: Arrow) -> Drawing:
+def _drawn_arrow(arrow: Arrow, longest: float) -> Drawing:
     widths = np.full(len(arrow.points), ARROW_WIDTH) if arrow.widths is None else arrow.widths
     lengths = arc_lengths(arrow.points)
     total, at_tip = float(lengths[-1]), float(widths[-1])
-    head = min((at_tip / 2 + HEAD_REACH) / HEAD_SLOPE / RASTER_SIZE, MAX_HEAD * total)
-    half = max(HEAD_SLOPE * head, (at_tip / 2 + HEAD_REACH / 2) / RASTER_SIZE)
+    pixel = longest / RASTER_SIZE
+    head = min((at_tip / 2 + HEAD_REACH) / HEAD_SLOPE * pixel, MAX_HEAD * total)
+    half = max(HEAD_SLOPE * head, (at_tip / 2 + HEAD_REACH / 2) * pixel)
     # The direction over the length of the head, so that the head of a bent arrow covers its shaft.
     neck, end = at_arc_length(arrow.points, np.array([total - head, total - 0.6 * head]))
     along = (arrow.points[-1] - neck) / max(float(np.hypot(*(arrow.points[-1] - neck))), 1e-9)
@@ -112,10 +125,11 @@ def _drawn_ellipse(ellipse: Ellipse) -> Drawing:
     return Drawing((PenStroke(outline, np.full(len(outline), width)),), color=GREEN)
 
 
-def _to_pixels(points: Floats) -> Floats:
+def _to_pixels(points: Floats, size: Sequence[float]) -> Floats:
     if not np.isfinite(points).all():
         raise SketchError("a drawing must be made of finite numbers")
-    return np.column_stack([points[:, 0], 1.0 - points[:, 1]]) * RASTER_SIZE
+    places = (points + margin_of(size)) / max(size)
+    return np.column_stack([places[:, 0], 1.0 - places[:, 1]]) * RASTER_SIZE
 
 
 def _draw_stroke(coverage: Floats, points: Floats, radii: Floats) -> None:

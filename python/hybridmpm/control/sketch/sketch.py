@@ -1,10 +1,12 @@
 """The two sketches that a person can draw: an arrow, or an oval around the place where the fluid should be.
 
-Both are drawn in the front view (x, y) of the world box [0, 1]^D with y up. In 3D the width of the stroke
+Both are drawn in the front view (x, y) of the world with y up. Sketches know no world: `check_in_world` says
+whether one lies in it. In 3D the width of the stroke
 gives the depth z: `WIDTH_AT_BACK` pixels stand for the back wall (lower z), `WIDTH_AT_FRONT` pixels for the
 front wall (upper z), and widths between them for depths between, linearly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypeAlias
 
@@ -13,6 +15,7 @@ import numpy.typing as npt
 
 from hybridmpm._support.arguments import unmasked
 from hybridmpm.errors import SketchError
+from hybridmpm.scene.fields import LONGEST
 
 RASTER_SIZE = 512
 """Side of the sketch raster [pixels]; stroke widths are in pixels of this raster."""
@@ -23,7 +26,9 @@ WIDTH_AT_FRONT = 20.0
 MAX_POINTS = 4096
 """Largest number of points of a stroke."""
 MIN_LENGTH = 2.0 / RASTER_SIZE
-"""Shortest arrow and smallest semi-axis [m]: two pixels of the raster."""
+"""Shortest arrow and smallest semi-axis over the longest side of the world: two pixels of the raster."""
+ONE_METRE = (1.0, 1.0)
+"""Width and height of the world where a scene has none of its own [m]."""
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 
@@ -34,8 +39,8 @@ class Arrow:
 
     Parameters
     ----------
-    points : float (K, 2), in [0, 1], 2 <= K <= `MAX_POINTS`
-        Polyline from the tail to the tip [m].
+    points : float (K, 2), in [0, 4096], 2 <= K <= `MAX_POINTS`
+        Polyline from the tail to the tip [m], of some length.
     widths : float (K,), in [2, 20], optional
         Stroke width at each point [pixels of the 512-pixel raster], which gives the depth in 3D.
     note : str, optional
@@ -55,9 +60,8 @@ class Arrow:
 
     def __post_init__(self) -> None:
         points = checked_points(self.points)
-        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-        if length < MIN_LENGTH:
-            raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {MIN_LENGTH:.4g}")
+        if not np.diff(points, axis=0).any():
+            raise SketchError("points: all are in one place, the stroke must have a length")
         widths = None if self.widths is None else _checked_widths(self.widths, len(points))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "widths", widths)
@@ -74,9 +78,9 @@ class Ellipse:
 
     Parameters
     ----------
-    center : float (2,), in [0, 1]
+    center : float (2,), in [0, 4096]
         Centre of the ellipse [m].
-    axes : float (2,), >= 2 / 512, major first
+    axes : float (2,), above 0, at most 4096, major first
         Semi-axes [m], two standard deviations of the wanted particle cloud.
     angle : float
         Angle of the major axis to +x, counter-clockwise [rad].
@@ -102,10 +106,10 @@ class Ellipse:
     def __post_init__(self) -> None:
         center = _frozen(self.center)
         axes = _frozen(self.axes)
-        if center.shape != (2,) or not np.all((center >= 0) & (center <= 1)):
-            raise SketchError(f"center must be two numbers in [0, 1], got {center.tolist()}")
-        if axes.shape != (2,) or not np.all((axes >= MIN_LENGTH) & (axes <= 1)):
-            raise SketchError(f"axes must be two lengths in [{MIN_LENGTH:.4g}, 1], got {axes.tolist()}")
+        if center.shape != (2,) or not np.all((center >= 0) & (center <= LONGEST)):
+            raise SketchError(f"center must be two numbers in [0, {LONGEST}], got {center.tolist()}")
+        if axes.shape != (2,) or not np.all((axes > 0) & (axes <= LONGEST)):
+            raise SketchError(f"axes must be two lengths in (0, {LONGEST}], got {axes.tolist()}")
         if not np.isfinite(self.angle):
             raise SketchError(f"angle must be finite, got {self.angle}")
         if self.width is not None:
@@ -122,6 +126,56 @@ class Ellipse:
 
 
 Sketch: TypeAlias = Arrow | Ellipse
+
+
+def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
+    """Check that a sketch lies in the front of a world, and is large enough to be seen there.
+
+    Parameters
+    ----------
+    sketch : Arrow or Ellipse
+    size : sequence of 2 or 3 floats
+        Length of the world along each axis [m].
+
+    Raises
+    ------
+    SketchError
+        It does not; the message names the field and the allowed range.
+    """
+    longest = max(size)
+    least = MIN_LENGTH * longest
+    if isinstance(sketch, Arrow):
+        check_points_in_world(sketch.points, size)
+        length = float(np.linalg.norm(np.diff(sketch.points, axis=0), axis=1).sum())
+        if length < least:
+            raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {least:.4g}")
+        return
+    if not np.all(sketch.center <= size[:2]):
+        raise SketchError(f"center must be {_range(size)}, got {sketch.center.tolist()}")
+    if not np.all((sketch.axes >= least) & (sketch.axes <= longest)):
+        raise SketchError(
+            f"axes must be two lengths in [{least:.4g}, {longest:g}], got {sketch.axes.tolist()}"
+        )
+
+
+def check_points_in_world(points: Floats, size: Sequence[float]) -> None:
+    """Raise `SketchError` unless points (K, 2) lie in the front of a world of this size [m]."""
+    bad = np.flatnonzero(~np.all(points <= size[:2], axis=1))
+    if bad.size:
+        first = int(bad[0])
+        raise SketchError(f"points[{first}]: must be {_range(size)}, got {points[first].tolist()}")
+
+
+def margin_of(size: Sequence[float]) -> Floats:
+    """Return the width of the margins beside and below the front of a world in the middle of a square [m]."""
+    return (max(size) - np.array(size[:2])) / 2
+
+
+def _range(size: Sequence[float]) -> str:
+    width, height = size[:2]
+    if width == height:
+        return f"two numbers in [0, {width:g}]"
+    return f"in [0, {width:g}] x [0, {height:g}] m"
 
 
 def depth_of_width(width: float, back: float, front: float) -> float:
@@ -160,17 +214,17 @@ def checked_points(values: npt.ArrayLike) -> Floats:
     Raises
     ------
     SketchError
-        There are not 2 to `MAX_POINTS` points, or a number is not in [0, 1].
+        There are not 2 to `MAX_POINTS` points, or a number is not in [0, 4096].
     """
     points = _frozen(values)
     if points.ndim != 2 or points.shape[1] != 2:
         raise SketchError(f"points must have shape (K, 2), got {points.shape}")
     if not 2 <= len(points) <= MAX_POINTS:
         raise SketchError(f"points: there must be 2 to {MAX_POINTS}, got {len(points)}")
-    bad = np.flatnonzero(~np.all((points >= 0) & (points <= 1), axis=1))
+    bad = np.flatnonzero(~np.all((points >= 0) & (points <= LONGEST), axis=1))
     if bad.size:
-        first = int(bad[0])
-        raise SketchError(f"points[{first}] must be two numbers in [0, 1], got {points[first].tolist()}")
+        first, allowed = int(bad[0]), f"two numbers in [0, {LONGEST}]"
+        raise SketchError(f"points[{first}] must be {allowed}, got {points[first].tolist()}")
     return points
 
 

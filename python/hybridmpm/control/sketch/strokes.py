@@ -13,6 +13,7 @@ from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, simpli
 from hybridmpm.control.sketch.sketch import (
     MAX_POINTS,
     MIN_LENGTH,
+    ONE_METRE,
     RASTER_SIZE,
     WIDTH_AT_BACK,
     WIDTH_AT_FRONT,
@@ -20,9 +21,12 @@ from hybridmpm.control.sketch.sketch import (
     Ellipse,
     Floats,
     Sketch,
+    check_in_world,
+    check_points_in_world,
     checked_points,
 )
 from hybridmpm.errors import SketchError
+from hybridmpm.scene.fields import LONGEST
 
 Kind: TypeAlias = Literal["arrow", "ellipse"]
 
@@ -37,14 +41,15 @@ MAX_OPENING = np.pi
 _LOOSE = 0.25
 """Largest root mean square distance of an oval's line from the oval, over the oval's size [-]."""
 TREMOR = 2.0 / RASTER_SIZE
-"""Distance [m] within which an arrow's line follows the hand: two pixels of the raster."""
+"""Distance within which an arrow's line follows the hand, over the longest side of the world: two pixels of
+the raster."""
 _EVEN = 1024
 """Number of evenly spaced points by which a stroke is judged, so that a pen that rests has no weight."""
 _POINT = 1e-6
-"""Extent [m] below which a stroke is one point."""
+"""Extent below which a stroke is one point, over the farthest place of it from the origin."""
 
 _Number = Annotated[float, BeforeValidator(no_truth_value)]
-_Unit = Annotated[_Number, Field(ge=0, le=1, allow_inf_nan=False)]
+_Place = Annotated[_Number, Field(ge=0, le=LONGEST, allow_inf_nan=False)]
 _Width = Annotated[_Number, Field(ge=WIDTH_AT_BACK, le=WIDTH_AT_FRONT, allow_inf_nan=False)]
 _Seconds = Annotated[_Number, Field(ge=0, allow_inf_nan=False)]
 
@@ -54,7 +59,7 @@ class Stroke(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    points: list[tuple[_Unit, _Unit]] = Field(
+    points: list[tuple[_Place, _Place]] = Field(
         min_length=2, max_length=MAX_POINTS, description="Points [x, y] of the stroke [m], from tail to tip."
     )
     widths: list[_Width] | None = Field(
@@ -85,14 +90,16 @@ class Stroke(BaseModel):
         return self
 
 
-def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]]) -> Sketch:
+def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]], size: Sequence[float] = ONE_METRE) -> Sketch:
     """Return the sketch that a stroke stands for.
 
     Parameters
     ----------
     strokes : sequence of exactly one stroke
-        The stroke is a `Stroke` or a mapping with its fields: points (K, 2) in [0, 1], and optionally widths
-        (K,) in [2, 20] pixels, times (K,) and kind.
+        The stroke is a `Stroke` or a mapping with its fields: points (K, 2) in the world [m], and optionally
+        widths (K,) in [2, 20] pixels, times (K,) and kind.
+    size : sequence of 2 or 3 floats
+        Length of the world along each axis [m], as `Scene.size` has it.
 
     Raises
     ------
@@ -110,11 +117,15 @@ def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]]) -> Sketch:
         raise SketchError(_first_problem(err)) from err
     points = np.array(stroke.points, dtype=np.float64)
     widths = None if stroke.widths is None else np.array(stroke.widths, dtype=np.float64)
+    longest = max(size)
     try:
+        check_points_in_world(points, size)
         kind = stroke.kind or classify_stroke(points)
-        return _arrow_along(points, widths) if kind == "arrow" else _ellipse_along(points, widths)
+        sketch = (_arrow_along if kind == "arrow" else _ellipse_along)(points, widths, longest)
+        check_in_world(sketch, size)
     except SketchError as err:
         raise SketchError(f"strokes[0].{err}") from err
+    return sketch
 
 
 def classify_stroke(points: npt.ArrayLike) -> Kind:
@@ -133,12 +144,13 @@ def classify_stroke(points: npt.ArrayLike) -> Kind:
     Raises
     ------
     SketchError
-        `points` is not float (K, 2) with 2 to `MAX_POINTS` points in [0, 1].
+        `points` is not float (K, 2) with 2 to `MAX_POINTS` points in [0, 4096].
     """
     line = evenly_spaced(checked_points(points), _EVEN)
     line = line - line.mean(axis=0)
     values, vectors = np.linalg.eigh(line.T @ line / len(line))
-    if not values[0] >= SLENDER**2 * max(float(values[1]), _POINT**2):
+    point = _POINT * max(float(np.max(points)), _POINT)
+    if not values[0] >= SLENDER**2 * max(float(values[1]), point**2):
         return "arrow"
     x, y = (line @ vectors / np.sqrt(values)).T
     radius = np.hypot(x, y)
@@ -154,9 +166,9 @@ def _first_problem(err: ValidationError) -> str:
     return f"strokes[0]{path}: {problem['msg']}"
 
 
-def _arrow_along(points: Floats, widths: Floats | None) -> Arrow:
+def _arrow_along(points: Floats, widths: Floats | None, longest: float) -> Arrow:
     """Return the arrow without the tremor of the hand; its tip and its tail are those of the stroke."""
-    kept = simplified(points, TREMOR)
+    kept = simplified(points, TREMOR * longest)
     if widths is not None:
         places = arc_lengths(points)
         fitted = values_at_knots(places, widths, places[kept])
@@ -164,13 +176,12 @@ def _arrow_along(points: Floats, widths: Floats | None) -> Arrow:
     return Arrow(points[kept], widths)
 
 
-def _ellipse_along(points: Floats, widths: Floats | None) -> Ellipse:
+def _ellipse_along(points: Floats, widths: Floats | None, longest: float) -> Ellipse:
     """Return the ellipse that a stroke follows; a pen that rests, or goes round twice, does not change it."""
     length = float(arc_lengths(points)[-1])
-    if length < 2 * np.pi * MIN_LENGTH:
-        raise SketchError(
-            f"points: an oval must be at least {2 * np.pi * MIN_LENGTH:.2g} m long, got {length:.2g}"
-        )
+    least = 2 * np.pi * MIN_LENGTH * longest
+    if length < least:
+        raise SketchError(f"points: an oval must be at least {least:.2g} m long, got {length:.2g}")
     try:
         outline = fit_outline(evenly_spaced(points, _EVEN), np.ones(_EVEN))
     except SketchError as err:

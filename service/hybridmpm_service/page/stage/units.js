@@ -7,6 +7,9 @@ const PLACES = ["lower", "upper", "center", "start", "end", "point", "points", "
 /** The longest side of the world of a scene [m]. */
 export const lengthOf = (scene) => Math.max(...(scene.world?.size ?? [1]));
 
+/** The sides of the world of a scene, in the longest one. */
+export const sidesOf = (scene) => (scene.world?.size ?? [1, 1, 1]).map((side) => side / lengthOf(scene));
+
 const times = (value, factor) => (Array.isArray(value) ? value.map((part) => times(part, factor)) : value * factor);
 
 /** A copy of a scene, of a part of it or of an answer about it, in which all lengths are multiplied. */

@@ -47,6 +47,7 @@ def why_foreign(scene: Scene, trained: TrainedOn) -> str | None:
         "it is trained without obstacles": scene.obstacles and not trained.obstacles,
         "it is trained with obstacles at rest": any(one.motion is not None for one in scene.obstacles),
         "it is trained without emitters and sinks": scene.is_open,
+        "it is trained in worlds of one metre along each axis": not _alike(scene.size, (1.0,) * scene.dim),
         "it is trained in another box": not _alike(box, like),
         "it is trained under another gravity": not _alike(scene.gravity, trained.gravity),
         f"it is trained without {' and '.join(foreign)}": foreign,
