@@ -105,18 +105,16 @@ class Polygon(_Body):
     @property
     def measure(self) -> float:
         """Area [m^2] by the even-odd rule; exact unless the outline crosses itself, then to 0.1 %."""
-        corners = np.array(self.vertices)
-        heights = np.unique(corners[:, 1])
+        a = np.array(self.vertices)
+        b = np.roll(a, -1, axis=0)
+        lowest, highest = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
         area = 0.0
-        for low, high in pairwise(heights):
+        for low, high in pairwise(np.unique(a[:, 1])):
             # Between two corners' heights the width is linear but for crossings, so its mean is exact.
             levels = low + (high - low) * (np.arange(_LEVELS) + 0.5) / _LEVELS
-            ends = [
-                a[0] + (levels - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
-                for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-                if min(a[1], b[1]) <= low and max(a[1], b[1]) >= high and a[1] != b[1]
-            ]
-            across = np.sort(np.array(ends), axis=0)
+            spans = (lowest <= low) & (highest >= high)
+            (ax, ay), (bx, by) = a[spans].T[..., None], b[spans].T[..., None]
+            across = np.sort(ax + (levels - ay) * (bx - ax) / (by - ay), axis=0)
             area += (high - low) * float((across[1::2] - across[::2]).sum()) / _LEVELS
         return area
 

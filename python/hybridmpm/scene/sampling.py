@@ -95,13 +95,17 @@ def sample(scene: Fillable) -> Particles:
 
     Raises
     ------
+    FrameCancelledError
+        A `CancelFlag` has ended the work.
     SceneError
         A body has room for no particle, or the bodies need more than `scene.max_particles`.
     """
     positions: list[npt.NDArray[np.float32]] = []
     volumes: list[float] = []
+    solids = [obstacle.to_native() for obstacle in scene.obstacles]
+    bounds = np.array([body.bounds for body in scene.bodies]).reshape(-1, 2, scene.dim)
     for index, body in enumerate(scene.bodies):
-        lattice = _Lattice.of(scene, index)
+        lattice = _Lattice.of(scene, index, solids, bounds)
         sites = _free_sites(scene, lattice, sum(map(len, positions)))
         if len(sites) == 0:
             text = (
@@ -153,13 +157,15 @@ class _Lattice:
     """Bodies that come before it and may reach into it."""
 
     @classmethod
-    def of(cls, scene: Fillable, index: int) -> Self:
-        """Return the lattice of the body with this index."""
+    def of(
+        cls, scene: Fillable, index: int, solids: list[_core.Obstacle], bounds: npt.NDArray[np.float64]
+    ) -> Self:
+        """Return the lattice of the body with this index, of all solids and all bodies' bounds (n, 2, D)."""
         body = scene.bodies[index]
-        lower, upper = body.bounds
+        lower, upper = bounds[index]
+        beside = (bounds[:index, 0] < upper).all(axis=1) & (bounds[:index, 1] > lower).all(axis=1)
         count = np.maximum(1, np.rint((upper - lower) / scene.spacing)).astype(np.int64)
         gap = _CLEARANCE * scene.spacing
-        solids = [obstacle.to_native() for obstacle in scene.obstacles]
         middle, reach = _rounded((lower + upper)[None] / 2), np.linalg.norm(upper - lower) / 2 + gap
         return cls(
             body=body,
@@ -168,17 +174,14 @@ class _Lattice:
             count=count,
             walls=(np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap),
             solids=[solid for solid in solids if solid.signed_distance(middle)[0] <= reach],
-            earlier=[
-                other
-                for other in scene.bodies[:index]
-                if (other.bounds[0] < upper).all() and (other.bounds[1] > lower).all()
-            ],
+            earlier=[other for other, near in zip(scene.bodies, beside, strict=False) if near],
         )
 
     def blocks(self) -> Iterator[npt.NDArray[np.int64]]:
         """Yield the indices (n, D) of all sites, in slabs that bound the memory used."""
         slab = max(1, _SITES_AT_ONCE // int(np.prod(self.count[1:])))
         for start in range(0, int(self.count[0]), slab):
+            _core.raise_if_cancelled()
             axes = [np.arange(start, min(start + slab, int(self.count[0])))]
             axes += [np.arange(count) for count in self.count[1:]]
             yield np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
@@ -192,8 +195,10 @@ class _Lattice:
         exact = x.astype(np.float64)
         free = self.body.contains(exact) & (x > self.walls[0]).all(axis=1) & (x < self.walls[1]).all(axis=1)
         for other in self.earlier:
+            _core.raise_if_cancelled()
             free &= ~other.contains(exact)
         for solid in self.solids:
+            _core.raise_if_cancelled()
             free &= solid.signed_distance(x) > 0
         return np.asarray(free)
 
@@ -202,8 +207,10 @@ class _Lattice:
         x = self.centers(sites)
         cut = np.zeros(len(x), dtype=bool)
         for solid in self.solids:
+            _core.raise_if_cancelled()
             cut |= solid.signed_distance(_rounded(x)) < 0.51 * np.linalg.norm(self.step)
         for other in self.earlier:
+            _core.raise_if_cancelled()
             lower, upper = other.bounds
             cut |= ((x > lower - self.step) & (x < upper + self.step)).all(axis=1)
         return cut
