@@ -53,6 +53,7 @@ __all__ = [
     "limit_instructions",
     "match_to_region",
     "radius_graph",
+    "raise_if_cancelled",
 ]
 
 MAX_SUBSTEPS: int
@@ -88,7 +89,7 @@ class StepSizeError(SimulationError):
     """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
 
 class FrameCancelledError(SimulationError):
-    """A `CancelFlag` ended a frame before it was done."""
+    """A `CancelFlag` ended a frame, or other work, before it was done."""
 
 class GraphSizeError(SimulationError):
     """A neighbour graph would be larger than allowed."""
@@ -551,17 +552,30 @@ class AccelerationHistory:
 
 @final
 class CancelFlag:
-    """A flag by which one thread ends the frame that another computes: `Simulator.cancel_by` takes it."""
+    """A flag by which one thread ends the work of another.
+
+    The other works in a block of the flag. Once it is set, building a scene or a simulator, a frame, and the
+    planning of a sketch raise `FrameCancelledError` in the block, within some milliseconds:
+
+        with flag:
+            MpmSolver(scene).advance(1000)
+
+    The block belongs to its thread: it must not contain an `await`. Blocks of several flags may be nested.
+    What is completed has the same bits with and without a flag.
+    """
 
     def __new__(cls, is_set: bool = False) -> CancelFlag:
         """Create a flag, set or not."""
 
     def set(self) -> None:
-        """Set the flag for good. A frame that is being computed ends within a substep."""
+        """Set the flag for good, from any thread."""
 
     @property
     def is_set(self) -> bool:
         """Whether the flag is set."""
+
+    def __enter__(self) -> CancelFlag: ...
+    def __exit__(self, *_exception: object) -> None: ...
 
 @final
 class Solver:
@@ -685,15 +699,9 @@ class Solver:
         NonFiniteError, DomainError, InvertedError, StepSizeError
             Naming particle and frame. The state is then the one before the failed frame.
         FrameCancelledError
-            The flag of `cancel_by` was set. The state is then the one before the frame that it ended.
+            A `CancelFlag` was set. The state is then the one before the frame that it ended.
         ConfigError
             An array has the wrong shape, or the force is not finite; nothing has moved.
-        """
-
-    def cancel_by(self, flag: CancelFlag) -> None:
-        """Let a flag end frames, between two substeps, in this solver and in copies made later.
-
-        It takes the place of an older flag. Waits for a call that advances the solver.
         """
 
     def prescribe(
@@ -1364,6 +1372,9 @@ def limit_instructions(widest: str) -> str:
     ConfigError
         There is no set of that name.
     """
+
+def raise_if_cancelled() -> None:
+    """Raise `FrameCancelledError` if a `CancelFlag` is set in whose block this thread is."""
 
 def after_signals(hook: Callable[[], object]) -> None:
     """Call `hook` after each look for signals within a long call, which an exception of it ends."""

@@ -14,7 +14,7 @@ from hybridmpm import _core
 from hybridmpm._support import signals
 from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
-from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
+from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.force import CheckedForce, Force, checked_force
 from hybridmpm.probes import Probe
 from hybridmpm.probes.probe import PressureSamples
@@ -44,13 +44,12 @@ class Simulator(ABC):
 
     N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
     frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
-    Ctrl-C ends a call within a frame; the state is then the one after the last frame that is whole.
+    Ctrl-C ends a call within a frame, and so does another thread by a `CancelFlag`; the state is then the one
+    after the last frame that is whole.
 
     Arrays of a simulator are snapshots of its state, which do not change when it advances. They are
     read-only, because writing to them would move no particle. `positions.copy()` may be changed.
     """
-
-    _cancel: _core.CancelFlag | None = None
 
     kind: ClassVar[Kind]
     """Name of this kind of simulator: "mpm", "neural" or "hybrid"."""
@@ -301,10 +300,7 @@ class Simulator(ABC):
     def _advance(self, frames: int, force: CheckedForce, path: _Floats | None) -> None:
         """Advance by frames, and write the positions after each into a row of `path` (frames, N, D)."""
         for index in range(frames):
-            if self._cancel is not None and self._cancel.is_set:
-                raise FrameCancelledError(
-                    f"frame {self.frame} was cancelled before it was done; the state is the one before it"
-                )
+            _core.raise_if_cancelled()
             given = force.at(index)
             with signals.whole():
                 self._advance_frame(given)
@@ -315,20 +311,6 @@ class Simulator(ABC):
     def _advance_frame(self, force: _Floats | None) -> None:
         """Advance by one frame under a checked acceleration, (D,) or (N, D) [m/s^2]."""
 
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let another thread end the frame that is being computed, by setting a flag.
-
-        The flag is read before each frame and, in MPM, in every substep. Once it is set,
-        `advance` raises `FrameCancelledError`, and the state is the one before the frame that was ended.
-        Frames that are completed have the same bits with and without a flag.
-
-        Parameters
-        ----------
-        flag : CancelFlag
-            Takes the place of an older flag. Copies made later obey it too, until they get their own.
-        """
-        self._cancel = flag
-
     @abstractmethod
     def reset(self) -> None:
         """Go back to frame 0."""
@@ -338,7 +320,7 @@ class Simulator(ABC):
         """Return an independent simulator in the same state; a network is shared.
 
         `copy.copy` and `copy.deepcopy` do the same. A pickle contains scene, settings, network and state, so
-        that a simulator may be sent to another process; its copy there obeys no `cancel_by`.
+        that a simulator may be sent to another process.
         """
 
     def __copy__(self) -> Self:

@@ -22,7 +22,8 @@ LIMITS = {
     # 90 lines give bodies their mass wherever they lie.
     # 30 lines compare materials by their stiffness over their density.
     # 460 lines write pages that play, with texts, ways of sketches, and the geometry of probes.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_730),
+    # 95 lines read sketches in worlds of any size, and end builds midway.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_840),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -51,8 +52,9 @@ LIMITS = {
     # 20 lines weigh bodies.
     # 520 lines play pages and a site in a browser, and hold their bits and readings against the library's.
     # 140 lines make a release and the documentation, and try both; 240 read metrics and call through a proxy;
-    # 220 kill, drain and join nodes; 80 run the Python of documents.
-    "tests": (("tests/**.py",), 31_730),
+    # 220 kill, drain and join nodes; 80 run the Python of documents; 240 steer in worlds of any size, and end
+    # builds midway.
+    "tests": (("tests/**.py",), 31_990),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -12,7 +12,7 @@ from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
 from hybridmpm.checking.speed import of_speed
 from hybridmpm.coarse import coarse_warnings
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import ConfigError, FrameCancelledError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -69,6 +69,8 @@ def check(scene: Scene | Simulator, solver: Simulator | None = None) -> SceneChe
             warnings.simplefilter("ignore")
             simulator = MpmSolver(scene) if solver is None else solver
             tried = probe_scene(scene) if solver is None else probe(solver)
+    except FrameCancelledError:
+        raise
     except (ConfigError, SimulationError) as error:
         text = str(error)
         found.append(Finding(severity="error", field="", problem=text, advice=""))
@@ -106,6 +108,8 @@ def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
         warnings.simplefilter("ignore")  # The findings contain the same.
         try:
             simulator = make()
+        except FrameCancelledError:
+            raise
         except SimulationError as error:
             refused = Finding(severity="error", field="", problem=str(error), advice="")
             return replace(check(scene), stable=False, findings=(refused, *findings(scene)))

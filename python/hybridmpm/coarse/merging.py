@@ -169,6 +169,7 @@ def balanced_clusters(x: npt.NDArray[np.floating], count: int, *, seed: int = 0)
     if 1 < count < len(points):
         rng = np.random.default_rng(seed)
         for _ in range(_ROUNDS):
+            _core.raise_if_cancelled()
             labels = _exchanged(points, labels, count, rng)
     return labels
 
@@ -178,6 +179,7 @@ def _bisected(x: _Floats, count: int) -> _Labels:
     order = np.arange(len(x))
     sizes, clusters = np.array([len(x)]), np.array([count])
     while (clusters > 1).any():
+        _core.raise_if_cancelled()
         segment = np.repeat(np.arange(len(sizes)), sizes)
         starts = np.cumsum(sizes) - sizes
         sides = np.maximum.reduceat(x[order], starts) - np.minimum.reduceat(x[order], starts)

@@ -210,11 +210,6 @@ class HybridSimulator(CoarseSimulator):
     def _advance_coarse(self, force: _Floats | None) -> None:
         self._loop.advance_frame(force if force is not None and force.any() else None)
 
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
-        super().cancel_by(flag)
-        self._mpm.cancel_by(flag)
-
     def reset(self) -> None:
         """Go back to frame 0."""
         self._loop.reset()

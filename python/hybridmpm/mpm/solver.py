@@ -343,11 +343,6 @@ class MpmSolver(CoarseSimulator):
     def _advance_coarse(self, force: npt.NDArray[np.float32] | None) -> None:
         self._stepper.advance(1, force)
 
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
-        super().cancel_by(flag)
-        self._stepper.cancel_by(flag)
-
     def prescribe(
         self,
         x: npt.ArrayLike,

@@ -45,7 +45,6 @@ class MpmStepper:
         self.solver, self.upsampler = solver, upsampler
         self._make_safe = safe
         self._safe: _core.Solver | None = None
-        self._cancel: _core.CancelFlag | None = None
         self._redone: dict[int, _core.FrameReport | None] = {}
         self._last: tuple[int, _core.FrameReport | None] | None = None
         """Number of a frame and its report, which the solver does not have after a restore."""
@@ -100,19 +99,10 @@ class MpmStepper:
         """Repeat the frame that has just failed; where it fails again, nothing has changed."""
         if self._safe is None:
             self._safe = make()
-            if self._cancel is not None:
-                self._safe.cancel_by(self._cancel)
         self._safe.restore(self.solver.snapshot())
         self._safe.advance(1, force)
         self.solver.restore(self._safe.snapshot())
         self._redone[self.solver.frame] = self._safe.last_frame
-
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let a flag end the frame that is being computed, by either solver."""
-        self._cancel = flag
-        for solver in (self.solver, self._safe):
-            if solver is not None:
-                solver.cancel_by(flag)
 
     def snapshot(self) -> bytes:
         """Return the solver's state, joined by the upsampler's if there is one; each has its own checksum."""
@@ -154,7 +144,7 @@ class MpmStepper:
         upsampler = None if self.upsampler is None else self.upsampler.copy(solver)
         twin = type(self)(solver, upsampler, self._make_safe, self._speed_warning)
         # The compiled copy has the same flag.
-        twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
+        twin._redone = dict(self._redone)  # noqa: SLF001 - of this very class
         twin.too_fast, twin._last = self.too_fast, self._last  # noqa: SLF001 - of this very class
         return twin
 

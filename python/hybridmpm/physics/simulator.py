@@ -286,11 +286,6 @@ class NeuralPhysics(CoarseSimulator):
     def _advance_coarse(self, force: _Floats | None) -> None:
         self._stepper.advance(force)
 
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
-        super().cancel_by(flag)
-        self._solver.cancel_by(flag)
-
     def reset(self) -> None:
         """Go back to frame 0."""
         self._solver.reset()

@@ -313,11 +313,6 @@ class AutoSolver(CoarseSimulator):
         """Return the forces on walls and obstacles in the latest frame, where MPM simulates."""
         return self._inner.frame_forces()
 
-    def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
-        super().cancel_by(flag)
-        self._inner.cancel_by(flag)
-
     def reset(self) -> None:
         """Go back to frame 0, at the level of the plan."""
         self._controller = deepcopy(self._first_controller)

@@ -134,7 +134,9 @@ impl From<NativeError> for PyErr {
             MpmError::UnstableStep { .. } | MpmError::TooFast { .. } => {
                 StepSizeError::new_err(message)
             }
-            MpmError::Cancelled { .. } => FrameCancelledError::new_err(message),
+            MpmError::Cancelled { .. } | MpmError::BuildCancelled => {
+                FrameCancelledError::new_err(message)
+            }
             MpmError::Snapshot { .. } | MpmError::Start { .. } => snapshot_error(message),
         }
     }

@@ -4,6 +4,7 @@
     reason = "pyo3 hands arguments over by value"
 )]
 
+mod cancel;
 mod convert;
 mod error;
 mod graph;
@@ -111,7 +112,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<solver::PyMotionReport>()?;
     module.add_class::<neural::PyAccelerationHistory>()?;
     module.add_class::<neural::PyAccelerationSignal>()?;
-    module.add_class::<solver::PyCancelFlag>()?;
+    module.add_class::<cancel::PyCancelFlag>()?;
     module.add_class::<solver::PySolver>()?;
     module.add_class::<solver::PyUpsampler>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
@@ -121,6 +122,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<guidance::PyTracks>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(solver::cfl_substeps, module)?)?;
+    module.add_function(wrap_pyfunction!(cancel::raise_if_cancelled, module)?)?;
     module.add_function(wrap_pyfunction!(signals::after_signals, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;

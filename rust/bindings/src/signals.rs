@@ -1,4 +1,4 @@
-//! Signals, such as Ctrl-C, within calls that take long.
+//! Calls that take long and end early: by signals, such as Ctrl-C, or by flags that other threads set.
 //!
 //! Python runs handlers of signals on the main thread only, and only between two of its own instructions. So work on
 //! that thread takes the GIL now and then to let handlers run; where one raises, the work ends.
@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use threads::watched;
+
+use crate::cancel::{cancelled, is_cancelled, may_be_cancelled};
 
 /// Time from one look for signals to the next.
 const EVERY: Duration = Duration::from_millis(10);
@@ -88,23 +90,39 @@ impl Signals {
     }
 }
 
-/// Does work with the GIL released, which ends early where a handler of a signal raises an exception: that is returned.
-pub fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
-    if !is_main_thread(py)? {
-        return Ok(py.detach(work));
+/// Does work with the GIL released, which ends early where a handler of a signal raises an exception, or where a flag
+/// of this thread's blocks is set.
+///
+/// The exception of a handler is returned before any other; what the work returned is then incomplete.
+pub fn interruptible<R: Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> PyResult<R> + Send,
+) -> PyResult<R> {
+    let hears_signals = is_main_thread(py)?;
+    if !hears_signals && !may_be_cancelled() {
+        return py.detach(work);
     }
-    let (done, raised) = py.detach(|| {
-        let raised = Rc::new(RefCell::new(None));
-        let signals = Signals {
+    let (done, raised, ended) = py.detach(|| {
+        let (raised, ended) = (Rc::new(RefCell::new(None)), Rc::new(Cell::new(false)));
+        let signals = hears_signals.then(|| Signals {
             read: Cell::new(Instant::now()),
             skipped: Cell::new(0),
             skips: Cell::new(0),
             raised: Rc::clone(&raised),
+        });
+        let seen = Rc::clone(&ended);
+        let poll = move || {
+            seen.set(seen.get() || is_cancelled());
+            seen.get() || signals.as_ref().is_some_and(Signals::poll)
         };
-        let done = watched(move || signals.poll(), work);
-        (done, raised.take())
+        let done = watched(poll, work);
+        (done, raised.take(), ended.get())
     });
-    raised.map_or(Ok(done), Err)
+    match raised {
+        Some(error) => Err(error),
+        None if ended => done.and_then(|_| Err(cancelled())),
+        None => done,
+    }
 }
 
 fn is_main_thread(py: Python<'_>) -> PyResult<bool> {

@@ -69,9 +69,12 @@ pub enum MpmError {
         most: f32,
         remedy: &'static str,
     },
-    /// The caller's flag ended a frame.
+    /// The caller ended a frame.
     #[error("frame {frame} was cancelled before it was done; the state is the one before it")]
     Cancelled { frame: u64 },
+    /// The caller ended the building of a solver.
+    #[error("the building of the solver was cancelled before it was done")]
+    BuildCancelled,
     /// Bytes that are no snapshot of this scene.
     #[error("snapshot refused: {reason}")]
     Snapshot { reason: String },

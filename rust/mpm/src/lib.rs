@@ -37,7 +37,7 @@ pub use openings::{Emitter, EmitterStatus, Openings};
 pub use particles::Sleep;
 pub use settings::SolverSettings;
 pub use snapshot::SNAPSHOT_VERSION;
-pub use solver::{CancelFlag, MotionReport, PrescribeOptions, Solver};
+pub use solver::{MotionReport, PrescribeOptions, Solver};
 pub use start::Start;
 pub use substep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, Substeps, cfl_substeps, reference_substeps,

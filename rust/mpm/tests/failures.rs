@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bodies, elastic, positions, run, settings, water};
-use mpm::{CancelFlag, Force, Material, MpmError, Particles, Solver, Substeps};
+use mpm::{Force, Material, MpmError, Particles, Solver, Substeps};
 
 fn drop() -> Bodies {
     Bodies::default().block(32, [0.3, 0.3], [0.5, 0.5], [0.0, 0.0], 0)
@@ -163,23 +163,4 @@ fn snapshots_continue_with_the_same_bits_and_refuse_anything_else() {
             .contains("other particles")
     );
     assert_eq!(bigger.frame(), 0);
-}
-
-#[test]
-fn a_cancelled_frame_leaves_the_state_before_it() {
-    let (mut solver, flag) = (
-        drop().solver(settings::<2>(32, vec![water()])),
-        CancelFlag::default(),
-    );
-    solver.cancel_by(flag.clone());
-    solver.advance(3, Force::None, |_, _| ()).unwrap();
-    let before = solver.snapshot();
-    flag.set();
-    let error = solver
-        .clone()
-        .advance(1, Force::None, |_, _| ())
-        .unwrap_err();
-    assert_eq!(error, MpmError::Cancelled { frame: 3 });
-    assert_eq!(solver.advance(1, Force::None, |_, _| ()), Err(error));
-    assert_eq!(solver.snapshot(), before);
 }

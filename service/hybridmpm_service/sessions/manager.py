@@ -178,7 +178,7 @@ class SessionManager:
             def compute() -> Revived:
                 chosen = self._admitted(origin.choice, scene, origin.scenario)
                 limited = replace(log, origin=origin)
-                return revived_from_log(limited, chosen, self.clock, turn.flag, turn.check)
+                return revived_from_log(limited, chosen, self.clock, turn.check)
 
             return replace(await turn.in_thread(compute), findings=left)
 
@@ -444,7 +444,8 @@ class SessionManager:
     def _revived(self, path: Path, cancel: CancelFlag, *, patient: bool) -> Revived | None:
         file = SessionFile(path)
         try:
-            made = revived_from_file(file, self._solvers, self.clock, cancel, patient=patient)
+            with cancel:
+                made = revived_from_file(file, self._solvers, self.clock, patient=patient)
             if made is not None:
                 return replace(made, findings=checking.findings(made.origin.scene))
         except BaseException:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from hybridmpm import SOLVER_VERSION, CancelFlag, FrameCancelledError, SnapshotError
+from hybridmpm import SOLVER_VERSION, SnapshotError
 from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, prepare
 from hybridmpm_service.errors import FieldError, ServiceError, StorageError
@@ -131,7 +131,7 @@ def replay(
 
 
 def revived_from_file(
-    file: SessionFile, solvers: SolverFactory, clock: Clock, cancel: CancelFlag, *, patient: bool
+    file: SessionFile, solvers: SolverFactory, clock: Clock, *, patient: bool
 ) -> Revived | None:
     """Return the simulation of a file, which keeps it from now on.
 
@@ -143,8 +143,6 @@ def revived_from_file(
     file : SessionFile
     solvers : SolverFactory
     clock : Clock
-    cancel : CancelFlag
-        Ends the computation.
     patient : bool
         Whether everything may be computed again from frame 0; if not, None is returned instead.
 
@@ -160,7 +158,6 @@ def revived_from_file(
     chosen = solvers.make(origin.choice, origin.scene, origin.scenario)
     versions = Origin.of(origin.scene, chosen, None, None).versions
     simulation = Simulation(chosen, clock=clock)
-    simulation.cancel_by(cancel)
     frames = [stored.reached, *inputs.frames]
     until = max(frames if checkpoint is None else [*frames, checkpoint.frame])
     unlike, first, complete = why_unlike(origin.versions, versions), stored.acted, stored.complete
@@ -196,21 +193,15 @@ def revived_from_file(
         inputs, complete=complete, pending=len(inputs) - first, sketches=stored.sketches
     )
     simulation.journal.keep_in(file)
-    replay(simulation, inputs, until, guidances, first=first, check=lambda: _check(cancel))
+    replay(simulation, inputs, until, guidances, first=first)
     simulation.let_go()
     return Revived(simulation, origin, notice)
-
-
-def _check(cancel: CancelFlag) -> None:
-    if cancel.is_set:
-        raise FrameCancelledError("the session is no longer needed")
 
 
 def revived_from_log(
     log: SessionLog,
     chosen: ChosenSolver,
     clock: Clock,
-    cancel: CancelFlag,
     check: Callable[[], object] = lambda: None,
 ) -> Revived:
     """Return the simulation of a log, computed again from frame 0.
@@ -221,8 +212,6 @@ def revived_from_log(
     chosen : ChosenSolver
         Simulator of the log at frame 0.
     clock : Clock
-    cancel : CancelFlag
-        Ends the computation.
     check : callable, optional
         As in `replay`.
 
@@ -236,7 +225,6 @@ def revived_from_log(
     origin = log.origin
     present = Origin.of(origin.scene, chosen, origin.scenario, origin.seed)
     simulation = Simulation(chosen, clock=clock)
-    simulation.cancel_by(cancel)
     late = next((frame for frame in log.inputs.frames if frame > log.frame), None)
     if late is not None:
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")

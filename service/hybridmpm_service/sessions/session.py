@@ -111,9 +111,8 @@ class Session:
         self._calls = 0
         self._closed = False
         self._cancel = CancelFlag()
-        simulation.cancel_by(self._cancel)
         self._loop = asyncio.get_running_loop()
-        self._worker = Worker(name, self._check_open)
+        self._worker = Worker(name, self._check_open, self._cancel)
         self._planner = Planner(
             turns=turns,
             number=simulation.journal.sketches,
@@ -238,7 +237,7 @@ class Session:
         """Do work on a copy of the simulator while the session goes on; see `Planner.on_copy`."""
         with self._in_use():
             twin = await self._on_worker(self.simulation.copy)
-            return await self._planner.on_copy(twin, lambda check: work(twin, check), memory=memory)
+            return await self._planner.on_copy(lambda check: work(twin, check), memory=memory)
 
     async def release(self) -> None:
         """End the sketch that steers; drop one that is being prepared. Errors as in `advance`."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import CancelFlag, Scene
+from hybridmpm import Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
@@ -219,10 +219,6 @@ class Simulation:
             self._one_frame()
             self.journal.settle(self.computed_seconds, self.checkpoint)
         return frames
-
-    def cancel_by(self, flag: CancelFlag) -> None:
-        """Use a flag that ends the current frame, here and in copies that are made later."""
-        self._solver.cancel_by(flag)
 
     def copy(self) -> Simulator:
         """Return a copy of the simulator in its present state."""

@@ -74,7 +74,7 @@ class Turn:
         self.memory, self.background = memory, background
         self._begins_short = short
         self.flag = CancelFlag()
-        """Set at the end: it ends a frame that is being computed."""
+        """Set at the end: it ends what its threads build or compute."""
         self.spent = 0.0
         """Time that counts for its client: of a core while it is short, afterwards that of its run [s]."""
         self.started = asyncio.Event()
@@ -135,7 +135,8 @@ class Turn:
             clock = thread_clock()
             self._working[checked] = clock, (start := clock())
             try:
-                return work()
+                with self.flag:
+                    return work()
             except FrameCancelledError:
                 self.check()
                 raise
@@ -189,7 +190,7 @@ class Turn:
         self._signal()
 
     def end(self, error: Exception) -> None:
-        """End the work: a process at once, a thread at its next check or substep."""
+        """End the work: a process at once, a thread within some milliseconds."""
         if self._error is None:
             self._error = error
         self.flag.set()

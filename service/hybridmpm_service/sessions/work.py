@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from hybridmpm import FrameCancelledError, export, recording
+from hybridmpm import CancelFlag, FrameCancelledError, export, recording
 from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionBusyError, SketchDroppedError
@@ -28,11 +28,13 @@ class Worker:
         Name of the session.
     check_open : callable
         Called before and after each job; it raises once the session is closed.
+    cancel : CancelFlag
+        Ends the frame that is being computed, but not the last job.
     """
 
-    def __init__(self, session: str, check_open: Callable[[], None]) -> None:
+    def __init__(self, session: str, check_open: Callable[[], None], cancel: CancelFlag) -> None:
         self._session = session
-        self._check_open = check_open
+        self._check_open, self._cancel = check_open, cancel
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"session-{session[:8]}")
         self._unfinished: set[Future[Any]] = set()
         self._queued: set[object] = set()
@@ -69,7 +71,8 @@ class Worker:
             self._queued.discard(place)
             self._check_open()
             try:
-                return job()
+                with self._cancel:
+                    return job()
             finally:
                 # A closed session takes precedence over any other outcome.
                 self._check_open()
@@ -228,11 +231,10 @@ class Planner:
         """
         return await self._do(
             preparation,
-            twin,
             lambda check: prepare(twin, sketch, most=most, on_frame=check, **settings),
         )
 
-    async def on_copy(self, twin: Simulator, work: Callable[[Check], T], *, memory: int | None = None) -> T:
+    async def on_copy(self, work: Callable[[Check], T], *, memory: int | None = None) -> T:
         """Do work on a copy of the simulator.
 
         A cancelled call ends the work, and waits until then: files that the work writes may be deleted
@@ -240,8 +242,6 @@ class Planner:
 
         Parameters
         ----------
-        twin : Simulator
-            The copy.
         work : callable
             Called in a thread, with a check to make in each frame.
         memory : int, optional
@@ -252,18 +252,15 @@ class Planner:
         UnavailableError, SessionNotFoundError
             Too much work waits, or the session was closed; otherwise the exception of the work.
         """
-        return await self._do(Errand(self._check_open), twin, work, memory=memory)
+        return await self._do(Errand(self._check_open), work, memory=memory)
 
-    async def _do(
-        self, errand: Errand, twin: Simulator, work: Callable[[Check], T], *, memory: int | None = None
-    ) -> T:
+    async def _do(self, errand: Errand, work: Callable[[Check], T], *, memory: int | None = None) -> T:
         self._check_open()
         self._errands[errand] = ended = asyncio.Event()
         try:
             async with self._turns.turn(
                 memory=memory or 0, background=memory is not None, on_join=errand.join
             ) as turn:
-                twin.cancel_by(turn.flag)
 
                 def checked() -> T:
                     errand.check()

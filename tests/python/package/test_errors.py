@@ -67,8 +67,8 @@ def advance_after_a_cancel() -> None:
     """Ask for a frame whose flag is set."""
     solver, flag = MpmSolver(DROP), CancelFlag()
     flag.set()
-    solver.cancel_by(flag)
-    solver.advance()
+    with flag:
+        solver.advance()
 
 
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {

@@ -4,13 +4,16 @@ import os
 import signal
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from types import FrameType
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from hybridmpm import (
+    BallObstacle,
     Box,
     CancelFlag,
     Elastic,
@@ -21,6 +24,7 @@ from hybridmpm import (
     NeuralPhysics,
     Scene,
     Simulator,
+    Water,
     radius_graph,
     scenarios,
 )
@@ -193,50 +197,73 @@ def test_a_frame_of_many_substeps_ends_amid_them_with_the_state_before_it() -> N
     block = Box(material=stiff, lower=(0.3, 0.3), upper=(0.6, 0.6), velocity=(1.0, -0.5))
     solver = MpmSolver(Scene(dim=2, resolution=190, frame_dt=0.015, bodies=(block,)))
     before, flag = solver.snapshot(), CancelFlag()
-    solver.cancel_by(flag)
     timer = threading.Timer(0.05, flag.set)
     timer.start()
-    with pytest.raises(FrameCancelledError, match="frame 0 was cancelled"):
+    with flag, pytest.raises(FrameCancelledError, match="frame 0 was cancelled"):
         solver.advance()
     timer.join()
     assert flag.is_set
     assert solver.snapshot() == before
 
 
-def test_a_set_flag_ends_all_frames_until_another_takes_its_place(make: Callable[[], Simulator]) -> None:
-    simulator, twin, flag = make(), make(), CancelFlag()
-    simulator.cancel_by(flag)
-    simulator.advance(30)
-    flag.set()
-    for _ in range(2):
-        with pytest.raises(FrameCancelledError, match="frame 30 was cancelled"):
-            simulator.advance(5)
-    simulator.cancel_by(CancelFlag())
-    simulator.advance(5)
+def test_a_set_flag_ends_all_frames_in_its_block_and_in_no_other(make: Callable[[], Simulator]) -> None:
+    simulator, twin, flag, inner = make(), make(), CancelFlag(), CancelFlag()
+    with flag:
+        simulator.advance(30)
+        flag.set()
+        for _ in range(2):
+            with inner, pytest.raises(FrameCancelledError, match="was cancelled before it was done"):
+                simulator.advance(5)
+        with ThreadPoolExecutor(1) as other:
+            other.submit(simulator.advance, 2).result()
+    with inner:
+        simulator.advance(3)
     twin.advance(35)
     assert simulator.snapshot() == twin.snapshot()
 
 
-def test_copies_obey_the_flag_until_they_get_their_own(make: Callable[[], Simulator]) -> None:
-    simulator, flag = make(), CancelFlag()
-    simulator.cancel_by(flag)
-    copy, free = simulator.copy(), simulator.copy()
-    free.cancel_by(CancelFlag())
-    flag.set()
-    with pytest.raises(FrameCancelledError):
-        copy.advance()
-    free.advance()
-    assert free.frame == 1
-    np.testing.assert_array_equal(copy.positions, simulator.positions)
+@pytest.mark.parametrize("r_p", [1.0, 0.25])
+def test_a_build_ends_at_its_next_look_at_the_flag(monkeypatch: pytest.MonkeyPatch, r_p: float) -> None:
+    """The flag is set in one test of points after the other; each is the last but one."""
+    still = [
+        BallObstacle(center=(0.15 + 0.05 * (i % 14), 0.2 + 0.1 * (i // 14)), radius=0.01) for i in range(70)
+    ]
+    blocks = [
+        Box(material=Water(), lower=(0.1, y), upper=(0.9, y + 0.3), seed=index)
+        for index, y in enumerate((0.1, 0.35, 0.6))
+    ]
+    scene = Scene(dim=2, resolution=64, bodies=tuple(blocks), obstacles=tuple(still))
+    contains, calls = Box.contains, 0
+
+    def count(body: Box, x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        nonlocal calls
+        calls += 1
+        if calls == last:
+            flag.set()
+        return contains(body, x)
+
+    monkeypatch.setattr(Box, "contains", count)
+    last, flag = 0, CancelFlag()
+    with flag:
+        expected = MpmSolver(scene, r_p=r_p).snapshot()
+    every, ended = calls, 0
+    assert every > 10
+    for last in range(1, every + 1):
+        calls, flag = 0, CancelFlag()
+        with flag, pytest.raises(FrameCancelledError):
+            MpmSolver(scene, r_p=r_p)
+        ended += calls == last
+        assert calls <= last + 1
+    assert ended > every / 2
+    assert MpmSolver(scene, r_p=r_p).snapshot() == expected
 
 
 def test_a_cancelled_frame_of_a_level_is_not_done_again_at_the_safe_step() -> None:
     solver, flag = MpmSolver(scenarios.water_2d(0), coarse="1/16"), CancelFlag()
-    solver.cancel_by(flag)
     solver.advance(6)
     before = solver.snapshot()
     flag.set()
-    with pytest.raises(FrameCancelledError, match="frame 6 was cancelled"):
+    with flag, pytest.raises(FrameCancelledError, match="frame 6 was cancelled"):
         solver.advance(5)
     assert solver._stepper._safe is None  # nor is the solver made that would do it
     assert solver.redone_frames == ()

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from tests.service.conftest import SCENE, SOURCE, Hold, until
 from tests.service.sessions.conftest import Clock, Manage
 
-from hybridmpm import Box, DomainError, Elastic, MpmSolver, Scene, SceneError, SketchError
+from hybridmpm import Ball, Box, DomainError, Elastic, MpmSolver, Scene, SceneError, SketchError, Water
 from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, prepare, push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import (
@@ -19,6 +20,7 @@ from hybridmpm_service.errors import (
     SessionNotFoundError,
     SketchDroppedError,
     TooManySessionsError,
+    UnavailableError,
 )
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.scene_work import SceneSource
@@ -193,6 +195,44 @@ async def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_ses
     assert manager.why_full() is not None
     gate.set()
     await until(lambda: manager.why_full() is None)
+    assert manager.all() == []
+
+
+@pytest.mark.parametrize("stop", ["cancel", "close"])
+async def test_a_build_ends_with_its_client_and_with_the_server(
+    monkeypatch: pytest.MonkeyPatch, stop: str, manage: Manage
+) -> None:
+    """The work after that is counted: tests of points of a body, one for each of 400 earlier ones."""
+    manager = manage()
+    balls = [
+        Ball(material=Water(), center=(0.15 + 0.03 * (i % 20), 0.2 + 0.03 * (i // 20)), radius=0.005)
+        for i in range(400)
+    ]
+    bodies = (*balls, Box(material=Water(), lower=(0.1, 0.1), upper=(0.9, 0.9)))
+    scene = Scene(dim=2, resolution=64, bodies=bodies)
+    contains, calls, inside, gate = Ball.contains, 0, threading.Event(), threading.Event()
+
+    def count(ball: Ball, x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        nonlocal calls
+        calls += 1
+        if calls == 500:  # of 2000
+            inside.set()
+            assert gate.wait(60)
+        return contains(ball, x)
+
+    monkeypatch.setattr(Ball, "contains", count)
+    making = asyncio.create_task(manager.create(SceneSource(data=scene)))
+    assert await asyncio.to_thread(inside.wait, 60)
+    if stop == "cancel":
+        making.cancel()
+    else:
+        manager.drain()
+    await until(lambda: all(turn.flag.is_set for turn in manager.turns._turns))
+    gate.set()
+    with pytest.raises(asyncio.CancelledError if stop == "cancel" else UnavailableError):
+        await making
+    await until(lambda: manager._being_made == 0)
+    assert calls == 500
     assert manager.all() == []
 
 

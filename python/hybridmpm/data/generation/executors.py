@@ -16,7 +16,7 @@ from hybridmpm._support.machine import usable_cores
 from hybridmpm.data import hdf5
 from hybridmpm.data.generation.simulate import simulate
 from hybridmpm.data.recipe import Recipe
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import ConfigError, FrameCancelledError, SimulationError
 
 _CONNECT_SECONDS = 10.0
 """Time to wait for a cluster that does not answer [s]."""
@@ -43,9 +43,11 @@ class Executor(Protocol):
 
 
 def produce(recipe: Recipe, seed: int, stop: threading.Event | None = None) -> Outcome:
-    """Simulate one seed. A failed simulation is an outcome, too; it raises no exception."""
+    """Simulate one seed. A failed simulation is an outcome, too; one that a `CancelFlag` ends is none."""
     try:
         trajectory = simulate(recipe, seed, stop=(lambda: False) if stop is None else stop.is_set)
+    except FrameCancelledError:
+        raise
     except SimulationError as error:
         return Outcome(seed=seed, failure=str(error))
     return Outcome(seed=seed, shard=hdf5.file_bytes(trajectory, GROUP))

@@ -100,7 +100,7 @@ impl Held {
         spare: usize,
     ) -> PyResult<()> {
         let (x, fixed) = (points.coordinates(), points.fixed.as_deref());
-        let edges = interruptible(py, || finder.find(x, fixed, pool))?.map_err(raised)?;
+        let edges = interruptible(py, || finder.find(x, fixed, pool).map_err(raised))?;
         if self.starts.bind(py).len() != points.count() + 1 {
             self.starts = uninit(py, points.count() + 1);
         }

@@ -58,9 +58,9 @@ pub fn match_to_region(
                 _ => None,
             };
             let found = interruptible(py, || {
-                ::guidance::match_to_region(&rows::<2, _>(x), &rows(cells), room)
+                ::guidance::match_to_region(&rows::<2, _>(x), &rows(cells), room).map_err(raised)
             })?;
-            PyMatching::of(py, found.map_err(raised)?)
+            PyMatching::of(py, found)
         }
         (3, None | Some(AnySpace::Space(_))) => {
             let room = match space {
@@ -68,9 +68,9 @@ pub fn match_to_region(
                 _ => None,
             };
             let found = interruptible(py, || {
-                ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room)
+                ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room).map_err(raised)
             })?;
-            PyMatching::of(py, found.map_err(raised)?)
+            PyMatching::of(py, found)
         }
         _ => Err(other_dimension(dim)),
     }

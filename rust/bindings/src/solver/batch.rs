@@ -42,7 +42,7 @@ pub fn advance_all(
     let threads = threads.unwrap_or_else(available).min(jobs.len());
     // A pool of its own: a shared one would leave a second batch at the same time to a single thread.
     let pool = pool(threads.max(1))?;
-    let failures = interruptible(py, || run(jobs, frames, &pool))??;
+    let failures = interruptible(py, || run(jobs, frames, &pool))?;
     if failures.is_empty() {
         return Ok(());
     }

@@ -10,6 +10,7 @@ use super::any::AnySolver;
 use crate::convert::{along_axes, array, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
+use crate::signals::interruptible;
 
 /// "cfl", "reference" or a count.
 pub fn parse_substeps(
@@ -155,7 +156,7 @@ pub struct Arguments<'py> {
 }
 
 impl Arguments<'_> {
-    /// Builds the solver with the GIL released.
+    /// Builds the solver with the GIL released; a signal or a flag may end it early.
     pub fn build(self, py: Python<'_>, arrays: &Arrays<'_>) -> PyResult<AnySolver> {
         /// The settings in the dimension of one variant of the enumerations.
         macro_rules! build {
@@ -195,8 +196,10 @@ impl Arguments<'_> {
                     threads: self.threads,
                 };
                 let particles = arrays.particles();
-                let solver = py.detach(|| mpm::Solver::new(settings, particles));
-                Ok(AnySolver::$variant(solver.map_err(NativeError)?))
+                let solver = interruptible(py, || {
+                    mpm::Solver::new(settings, particles).map_err(|error| NativeError(error).into())
+                })?;
+                Ok(AnySolver::$variant(solver))
             }};
         }
         match self.gravity.len() {

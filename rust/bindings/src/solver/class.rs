@@ -10,7 +10,6 @@ use pyo3::types::PyBytes;
 
 use super::any::{AnySolver, AnyUpsampler, with_any};
 use super::build::{Arguments, Arrays, parse_substeps};
-use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
@@ -195,13 +194,7 @@ impl PySolver {
                 });
                 advanced.map_err(|error| NativeError(error).into())
             })
-        })?
-    }
-
-    fn cancel_by(&self, py: Python<'_>, flag: &PyCancelFlag) -> PyResult<()> {
-        let flag = flag.0.clone();
-        self.held
-            .detached(py, |any| with_any!(any, solver => solver.cancel_by(flag)))
+        })
     }
 
     #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]

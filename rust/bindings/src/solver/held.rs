@@ -36,13 +36,13 @@ impl<T: Send> Held<T> {
         py.detach(|| Ok(work(&mut *self.locked()?)))
     }
 
-    /// The same for work that a signal may end early.
+    /// The same for work that a signal or a flag may end early.
     pub fn interruptible<R: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut T) -> R + Send,
+        work: impl FnOnce(&mut T) -> PyResult<R> + Send,
     ) -> PyResult<R> {
-        interruptible(py, || Ok(work(&mut *self.locked()?)))?
+        interruptible(py, || work(&mut *self.locked()?))
     }
 
     /// Returns `size` numbers, written by `write`.

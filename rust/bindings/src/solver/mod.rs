@@ -3,7 +3,6 @@
 mod any;
 mod batch;
 mod build;
-mod cancel;
 mod class;
 mod force;
 mod held;
@@ -13,7 +12,6 @@ mod upsampler;
 
 pub use batch::advance_all;
 pub use build::cfl_substeps;
-pub use cancel::PyCancelFlag;
 pub use class::PySolver;
 pub use report::{PyDiagnostics, PyFrameReport, PyMotionReport};
 pub use shown::PyUpsampler;

@@ -208,11 +208,10 @@ impl PyUpsampler {
     ) -> PyResult<()> {
         let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
         let coarse = arrays.coarse();
-        let updated = self.held.interruptible(
-            py,
-            |any| with_any!(any, upsampler => upsampler.update(&coarse, frame)),
-        )?;
-        Ok(updated.map_err(NativeError)?)
+        self.held.interruptible(py, |any| {
+            let updated = with_any!(any, upsampler => upsampler.update(&coarse, frame));
+            updated.map_err(|error| NativeError(error).into())
+        })
     }
 
     #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]

@@ -6,6 +6,7 @@ use super::node::{BAND_CELLS, ByRow, stencil_reach};
 use super::obstacle::Obstacle;
 use crate::grid::Layout;
 use crate::linalg::Vector;
+use threads::interrupted;
 
 /// How far solids may move before the nodes that they can touch are looked for anew.
 const MARGIN_CELLS: f32 = 2.0;
@@ -47,7 +48,8 @@ impl<const D: usize> MovingObstacles<D> {
     }
 
     /// Goes to a time [s]. When nodes are searched has no influence on the motion: more are found than an
-    /// obstacle acts on, and each is tested before it is used.
+    /// obstacle acts on, and each is tested before it is used. Where the work is `interrupted`, some are missing until
+    /// the next call.
     pub fn move_to(
         &mut self,
         list: &[Obstacle<D>],
@@ -70,8 +72,8 @@ impl<const D: usize> MovingObstacles<D> {
         let margin = f64::from(MARGIN_CELLS * layout.dx());
         let valid = |searched: f64| (time - searched).abs() * fastest <= margin;
         if !self.searched.is_some_and(valid) {
-            self.searched = Some(time);
             self.search(list, layout, near);
+            self.searched = (!interrupted()).then_some(time);
         }
     }
 
@@ -86,7 +88,8 @@ impl<const D: usize> MovingObstacles<D> {
         near.copy_from_slice(&self.near_solid);
         self.nodes.clear();
         for row in 0..layout.row_count() {
-            for (index, obstacle) in list.iter().enumerate() {
+            let solids = if interrupted() { &[] } else { list };
+            for (index, obstacle) in solids.iter().enumerate() {
                 if let Some(pose) = &self.poses[index] {
                     let nodes = &mut self.nodes.nodes;
                     let near = &mut near[row * layout.row_length..][..layout.columns()];

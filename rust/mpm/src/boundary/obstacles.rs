@@ -11,6 +11,7 @@ use super::wall_fill::cumulative;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, PADDING, SMALLEST_MASS, Span, Window};
 use crate::linalg::Vector;
 use std::ops::Range;
+use threads::interrupted;
 use wide::f32x4;
 
 /// A grid node deep inside an obstacle at rest.
@@ -39,6 +40,7 @@ pub struct Obstacles<const D: usize> {
 }
 
 impl<const D: usize> Obstacles<D> {
+    /// Incomplete where the work is `interrupted`.
     pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
         let list = list.into_iter();
         let mut prepared = Self {
@@ -81,7 +83,7 @@ impl<const D: usize> Obstacles<D> {
         let rows_per_plane = layout.rows_per_plane();
         self.near = vec![false; layout.row_count() * layout.row_length];
         let mut solid = Vec::new();
-        for (index, obstacle) in self.list.iter().enumerate() {
+        'all: for (index, obstacle) in self.list.iter().enumerate() {
             if obstacle.motion.is_some() {
                 continue;
             }
@@ -99,6 +101,9 @@ impl<const D: usize> Obstacles<D> {
             };
             let rows = if D == 3 { nodes(1) } else { 0..1 };
             for row in nodes(0).flat_map(|plane| rows.clone().map(move |row| (plane, row))) {
+                if interrupted() {
+                    break 'all;
+                }
                 let row = row.0 * rows_per_plane + row.1;
                 let near = &mut self.near[row * layout.row_length..][..layout.columns()];
                 let mut node = layout.row_coordinates(row);

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::cancel::CancelFlag;
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, Reactions, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
@@ -45,11 +44,10 @@ pub struct Solver<const D: usize> {
     /// State before the frame in progress; kept to reuse its memory.
     pub(super) before: Vec<MaterialGroup<D>>,
     pub(super) last_frame: Option<FrameReport>,
-    pub(super) cancel: CancelFlag,
 }
 
 impl<const D: usize> Solver<D> {
-    /// Checks everything; afterwards only the motion itself can fail.
+    /// Checks everything; afterwards only the motion itself can fail. Fails as well where the work is `interrupted`.
     pub fn new(settings: SolverSettings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
         settings.check()?;
         let dx = 1.0 / settings.resolution as f32;
@@ -79,11 +77,15 @@ impl<const D: usize> Solver<D> {
             .any(|group| with_group!(group, group => group.corrects_volume()))
             .then(|| VolumeCorrection::new(&settings.walls, &grid.layout, settings.frame_dt));
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
+        let obstacles = Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout);
+        if interrupted() {
+            return Err(MpmError::BuildCancelled);
+        }
         Ok(Self {
             chooser,
             bounds: Bounds::new(settings.walls, &settings.gravity, &grid.layout),
             walls: WallContact::new(&settings.walls, &grid.layout),
-            obstacles: Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout),
+            obstacles,
             material_friction: if uniform {
                 MaterialFriction::Uniform(settings.materials[0].wall_friction)
             } else {
@@ -104,7 +106,6 @@ impl<const D: usize> Solver<D> {
                 population: Population::new(particles.mass.len(), settings.openings.emitters.len()),
             },
             last_frame: None,
-            cancel: CancelFlag::default(),
             settings,
         })
     }
@@ -112,7 +113,7 @@ impl<const D: usize> Solver<D> {
     /// Advances by whole frames and calls back after each with the solver.
     ///
     /// On an error the state is the one before the frame that failed; earlier frames stand. A frame whose work is
-    /// `interrupted` fails as one that a flag has cancelled.
+    /// `interrupted` fails as cancelled.
     pub fn advance(
         &mut self,
         frames: usize,
@@ -277,7 +278,7 @@ impl<const D: usize> Solver<D> {
     }
 
     fn check_cancelled(&self) -> Result<(), MpmError> {
-        if self.cancel.is_set() || interrupted() {
+        if interrupted() {
             let frame = self.state.frame;
             return Err(MpmError::Cancelled { frame });
         }
@@ -385,11 +386,6 @@ impl<const D: usize> Solver<D> {
         found
             .expect("diagnose is called only when a particle is unsound")
             .1
-    }
-
-    /// Lets a flag that another thread sets end a frame, between two substeps. Clones made later obey it too.
-    pub fn cancel_by(&mut self, flag: CancelFlag) {
-        self.cancel = flag;
     }
 
     /// The complete state. Going on from it gives the same bits.

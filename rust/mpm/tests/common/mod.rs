@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use mpm::{
-    Contact, ContactKind, Force, Material, Obstacle, Openings, Particles, Solver, SolverSettings,
-    Substeps, Vector, Walls,
+    Contact, ContactKind, Force, Material, MpmError, Obstacle, Openings, Particles, Solver,
+    SolverSettings, Substeps, Vector, Walls,
 };
 
 pub const FRAME: f32 = 0.0025;
@@ -117,6 +117,13 @@ impl Bodies {
     }
 
     pub fn solver<const D: usize>(&self, settings: SolverSettings<D>) -> Solver<D> {
+        self.try_solver(settings).unwrap()
+    }
+
+    pub fn try_solver<const D: usize>(
+        &self,
+        settings: SolverSettings<D>,
+    ) -> Result<Solver<D>, MpmError> {
         let mass: Vec<f32> = (self.volume.iter().zip(&self.material))
             .map(|(volume, &material)| volume * settings.materials[usize::from(material)].density)
             .collect();
@@ -129,7 +136,7 @@ impl Bodies {
             volume_ratio: Some(&self.volume_ratio),
             body: Some(&self.body),
         };
-        Solver::new(settings, particles).unwrap()
+        Solver::new(settings, particles)
     }
 }
 
