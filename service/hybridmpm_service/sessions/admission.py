@@ -20,6 +20,8 @@ _TESTS_PER_PARTICLE_SUBSTEP = 2.5
 """Tests that take as long as a particle in a substep."""
 _SEARCH_SHARE, _SEARCH_CELLS = 1 / 3, 2.0
 """Share of the nodes that a search for the nodes near a moving obstacle tests, and its motion in between."""
+_LAYERS = 4
+"""Fewest layers of all emitters that a scene of the largest number of particles has room for."""
 _CHECK_POINTS = 20_000
 """Largest number of points of a body that its findings test."""
 
@@ -101,6 +103,15 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
         text = f"must be at most {allowed} in {scene.dim}D on this server, got {scene.resolution}"
         raise SceneError.of([("resolution", text)])
     limit = min(scene.max_particles, settings.max_particles)
+    places = sum(one.measure for one in scene.emitters) / scene.spacing ** (scene.dim - 1)
+    # Sixteen patterns of a layer are kept, and belong to each snapshot.
+    if places > settings.max_particles // _LAYERS:
+        text = (
+            f"have room for about {places:.0f} particles side by side, and this server takes up to "
+            f"{settings.max_particles // _LAYERS} (a quarter of the setting max_particles): make the "
+            "openings smaller, or lower the resolution"
+        )
+        raise SceneError.of([("emitters", text)])
     cost = frame_cost(scene)
     # Emitters fill a scene up to the limit. More particles at the start are refused when they are made.
     particles = limit if scene.emitters else min(cost.particles, limit)

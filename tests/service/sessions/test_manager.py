@@ -257,6 +257,17 @@ async def test_a_scene_whose_frames_are_too_dear_is_refused_with_the_figure_and_
     await manager.create(SOURCE)
 
 
+async def test_wide_emitters_are_refused_before_they_are_built(manage: Manage) -> None:
+    """A hundred of these would take 10 s of a core and 2.6 GB."""
+    manager = manage()
+    wide = {"shape": "round", "material": "water", "center": [0.5, 0.8, 0.5], "radius": 0.38}
+    scene = {"dim": 3, "resolution": 100, "bodies": [], "emitters": [wide | {"velocity": [0, -1, 0]}] * 2}
+    with pytest.raises(
+        SceneError, match=r"emitters: have room for about 36292 particles side by side, .* 12500"
+    ):
+        await manager.create(SceneSource(data=scene))
+
+
 async def test_a_session_pauses_when_its_last_viewer_leaves(manager: SessionManager) -> None:
     session = await manager.create(SOURCE)
     with session.viewer():
