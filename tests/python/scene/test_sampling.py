@@ -38,7 +38,7 @@ ELL = ((0.2, 0.2), (0.6, 0.2), (0.6, 0.3), (0.3, 0.3), (0.3, 0.6), (0.2, 0.6))
 def test_mass_is_density_times_measure(body: Body, measure: float) -> None:
     particles = Scene(dim=2, bodies=(body,)).sample()
     assert body.measure == pytest.approx(measure)
-    assert particles.mass.sum() == pytest.approx(1000 * measure, rel=1e-5)
+    assert particles.mass.sum() == pytest.approx(body.material.density * measure, rel=1e-5)
     np.testing.assert_allclose(particles.volume, (1 / 256) ** 2, rtol=0.05)
 
 
