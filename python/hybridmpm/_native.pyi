@@ -608,6 +608,7 @@ class Solver:
         volume_ratio: npt.NDArray[np.float32] | None = None,
         body: npt.NDArray[np.uint32] | None = None,
         contact_friction: float | None = None,
+        transfer_loss: float | None = None,
         substeps: str | int = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
@@ -653,6 +654,9 @@ class Solver:
         contact_friction : float >= 0, optional
             Coulomb coefficient between an elastic body and anything else; the smaller `wall_friction` of the
             two materials if absent.
+        transfer_loss : float >= 0, optional
+            Rate [1/s] at which particles lose what the grid does not carry of their velocities; if absent
+            they lose it in each substep (APIC).
         substeps : "cfl", "reference" or int >= 1
             "cfl": the fewest that the CFL bound allows, chosen anew as speeds change.
             "reference": floor(frame_dt / (0.02 dx)) + 1 a frame, the ground truth's rule.

@@ -23,17 +23,19 @@ LIMITS = {
     # 30 lines compare materials by their stiffness over their density.
     # 460 lines write pages that play, with texts, ways of sketches, and the geometry of probes.
     # 95 lines read sketches in worlds of any size, and end builds midway.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_840),
+    # 50 lines let transfers lose at a rate per time, and say what that costs and lets through.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_895),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
     # 60 lines pour heaps of sand, whose slope no other case shows.
-    # 60 lines let bodies float; 60 drop sand; 120 hang and roll bodies.
+    # 60 lines let bodies float; 60 drop sand; 120 hang and roll bodies;
+    # 150 let water and sand through slots.
     # 120 lines compare findings about coarse levels with what the levels do.
     # 130 lines time pages that play.
-    "laboratory": (("lab/**.py",), 8_870),
+    "laboratory": (("lab/**.py",), 9_020),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -49,12 +51,12 @@ LIMITS = {
     # 170 lines balance forces with momentum and closed forms.
     # 200 lines pass gaps of some cells, copy sketches that are followed, and photograph them.
     # 190 lines simulate worlds that are no cube of one metre.
-    # 20 lines weigh bodies.
+    # 20 lines weigh bodies; 110 let transfers lose at a rate per time.
     # 520 lines play pages and a site in a browser, and hold their bits and readings against the library's.
     # 140 lines make a release and the documentation, and try both; 240 read metrics and call through a proxy;
     # 220 kill, drain and join nodes; 80 run the Python of documents; 240 steer in worlds of any size, and end
     # builds midway.
-    "tests": (("tests/**.py",), 31_990),
+    "tests": (("tests/**.py",), 32_115),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

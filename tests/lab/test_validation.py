@@ -15,6 +15,7 @@ from hybridmpm_lab.validation import (
     dam_break,
     floating,
     hanging,
+    hopper,
     poured_heap,
     rebound,
     rolling,
@@ -22,6 +23,7 @@ from hybridmpm_lab.validation import (
     round_columns,
     sliding_block,
     stability_limit,
+    torricelli,
 )
 from hybridmpm_lab.validation.case import Check, Result
 
@@ -34,6 +36,8 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "hanging": lambda: hanging.run((64,)),
     "rolling": lambda: rolling.run(seeds=1),
     "floating": lambda: floating.run((64,), (300.0,)),
+    "torricelli": lambda: torricelli.run((2,), (None, 24)),
+    "hopper": lambda: hopper.run((6, 12)),
     "sliding_block": lambda: sliding_block.run((32,)),
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),
@@ -48,7 +52,9 @@ LONGER: dict[str, Callable[[], Result]] = {
 """Cases at full length whose short form leaves much out, or that the default tests sample."""
 
 
-SLOW = ("column_collapse", "floating", "poured_heap", "rotation", "round_columns")
+SLOW = (
+    "column_collapse", "floating", "hopper", "poured_heap", "rotation", "round_columns", "torricelli",
+)  # fmt: skip
 """Cases whose short form takes three seconds or more."""
 
 

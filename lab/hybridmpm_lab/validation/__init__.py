@@ -13,6 +13,7 @@ from hybridmpm_lab.validation import (
     floating,
     free_fall,
     hanging,
+    hopper,
     hydrostatic,
     poured_heap,
     rebound,
@@ -22,6 +23,7 @@ from hybridmpm_lab.validation import (
     sliding_block,
     stability_limit,
     standing_wave,
+    torricelli,
 )
 from hybridmpm_lab.validation.case import Result
 
@@ -33,6 +35,8 @@ CASES: dict[str, Callable[[], Result]] = {
     "rebound": rebound.run,
     "hydrostatic": hydrostatic.run,
     "floating": floating.run,
+    "torricelli": torricelli.run,
+    "hopper": hopper.run,
     "standing_wave": standing_wave.run,
     "sliding_block": sliding_block.run,
     "hanging": hanging.run,

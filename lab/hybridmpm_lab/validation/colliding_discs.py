@@ -7,6 +7,7 @@ import numpy as np
 
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Elastic, Scene, Walls
+from hybridmpm.scene.scene import ADVISED_LOSS
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, energies, recorded
 
 CONTACT_TIME = (0.6 * np.sqrt(2) - 0.4) / (0.2 * np.sqrt(2))
@@ -15,6 +16,8 @@ _MAX_MOMENTUM = 1e-5  # largest momentum of both discs together, over that of on
 _MAX_GAIN = 1e-3  # largest rise of the total energy above its start, over its start [-]
 _MAX_GAP = 0.5
 """Largest distance of the surfaces at first contact, apart or overlapping [cells]."""
+SUBSTEPS = (12, 40, 160)
+"""Substeps of a frame."""
 FRAME_SPEEDS = (0.0, 0.1, 0.3, 1.0)
 """Speeds of the frames of reference [m/s]."""
 _RADIUS = 0.2
@@ -48,6 +51,16 @@ def run(resolutions: tuple[int, ...] = (32, 64, 128)) -> Result:
     for speed in FRAME_SPEEDS:
         name = f"parting / closing speed, frame at {speed:g} m/s, 64^2"
         checks.append(Check.between(name, parting(speed), (0.85, 1.0)))
+    speeds = [parting(0.0, substeps=count, loss=ADVISED_LOSS) for count in SUBSTEPS]
+    name = f"parting / closing speed, loss {ADVISED_LOSS:g}/s, {SUBSTEPS[0]} to {SUBSTEPS[-1]} substeps, 64^2"
+    checks += (
+        Check.between(f"{name}: least", min(speeds), (0.85, 1.0)),
+        Check.at_most(f"{name}: spread", max(speeds) - min(speeds), 0.05),
+        Check.reported(
+            f"parting / closing speed, APIC, {SUBSTEPS[-1]} substeps, 64^2",
+            parting(0.0, substeps=SUBSTEPS[-1]),
+        ),
+    )
     exact = [CONTACT_TIME] * 2
     energy.append(Curve(exact, [0, 1], "exact contact", style="--"))
     momentum.append(Curve(exact, [-1, 1], "exact contact", style="--"))
@@ -89,7 +102,9 @@ def _collide(resolution: int) -> tuple[Floats, Floats]:
     return recorded(MpmSolver(scene), int(_SECONDS / scene.frame_dt), measure)
 
 
-def parting(frame_speed: float, resolution: int = 64) -> float:
+def parting(
+    frame_speed: float, resolution: int = 64, *, substeps: int | None = None, loss: float | None = None
+) -> float:
     """Return parting over closing speed of two discs, seen from a frame that moves along their path [m/s]."""
     start = 0.5 - 0.125 * frame_speed
     discs = tuple(
@@ -97,9 +112,11 @@ def parting(frame_speed: float, resolution: int = 64) -> float:
         for at in (-0.1, 0.1)
     )
     walls = Walls(lower=(0.0, 0.0), upper=(1.0, 1.0))
-    scene = Scene(dim=2, resolution=resolution, gravity=(0.0, 0.0), walls=walls, bodies=discs)
+    scene = Scene(
+        dim=2, resolution=resolution, gravity=(0.0, 0.0), walls=walls, bodies=discs, transfer_loss=loss
+    )
     first = scene.sample().body == 0
-    solver = MpmSolver(scene)
+    solver = MpmSolver(scene) if substeps is None else MpmSolver(scene, substeps=substeps)
     solver.advance(100)
     along = solver.velocities[:, 0].astype(np.float64)
     return float(along[~first].mean() - along[first].mean())

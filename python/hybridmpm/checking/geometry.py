@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from hybridmpm.checking.report import Finding
 from hybridmpm.scene import Scene
-from hybridmpm.scene.gaps import narrow_gaps, wide_enough
-from hybridmpm.scene.scene import MIN_CELLS_THICK
+from hybridmpm.scene.gaps import lost_cells, narrow_gaps, wide_enough
+from hybridmpm.scene.scene import ADVISED_LOSS, MIN_CELLS_THICK
 from hybridmpm.scene.world import rounded_up
 
 CHOKED = 0.7
@@ -72,13 +72,20 @@ def _narrow_gaps(scene: Scene) -> Iterator[Finding]:
     found = [gap for gap in narrow_gaps(scene) if gap.flow(scene.resolution, is_sand=is_sand) < CHOKED]
     if found:
         gap, others = found[0], f"; {len(found) - 1} more are narrow" if len(found) > 1 else ""
+        lost = lost_cells(scene.transfer_loss, scene.resolution, is_sand=is_sand)
+        keep = (
+            ""
+            if scene.transfer_loss is not None
+            else f", or set transfer_loss to {ADVISED_LOSS * scene.resolution / 128:.3g}"
+        )
         yield Finding(
             severity="warning",
             field=", ".join(name for name in gap.between if name.startswith("obstacles")),
             problem=f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
             f"{gap.width * scene.resolution:.2g} cells wide and lets about "
             f"{gap.flow(scene.resolution, is_sand=is_sand):.0%} of a flow through{others}",
-            advice=f"make it {wide_enough(CHOKED, scene.resolution):.2g} m wide, or raise the resolution",
+            advice=f"make it {wide_enough(CHOKED, scene.resolution, lost=lost):.2g} m wide, raise the "
+            f"resolution{keep}",
         )
 
 

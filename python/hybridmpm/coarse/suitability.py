@@ -8,7 +8,7 @@ import numpy as np
 from hybridmpm.coarse.level import CoarseLevel, coarse_level, fastest_impact, settled_potential
 from hybridmpm.coarse.table import CoarseTable, coarse_table
 from hybridmpm.scene import Scene
-from hybridmpm.scene.gaps import narrow_gaps, wide_enough
+from hybridmpm.scene.gaps import lost_cells, narrow_gaps, wide_enough
 
 SHALLOW = {2: 1.0, 3: 2.0}
 """Depth [cells of the level], by dimension, below which matter at rest loses volume."""
@@ -27,7 +27,7 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
 
     Checked are the speed of impacts, obstacles and bodies thinner than a cell of the level's grid or elastic
     bodies thinner than two, gaps between solids, sinks of some cells, the depth of matter at rest in cells,
-    and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
+    ratios of densities above 10, and `transfer_loss`. `MpmSolver` warns of each with a `CoarseWarning`.
 
     Parameters
     ----------
@@ -46,6 +46,7 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
         *_sink_warnings(scene, level),
         *_depth_warnings(scene, level),
         *_density_warnings(scene, level),
+        *_loss_warnings(scene, level),
     ]
 
 
@@ -94,7 +95,8 @@ def _gap_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     if choked:
         flow, own, gap = min(choked, key=lambda one: one[0] / one[1])
         others = f", and {len(choked) - 1} more are narrow" if len(choked) > 1 else ""
-        wider = wide_enough(share, level.resolution, scene.resolution)
+        lost = lost_cells(scene.transfer_loss, level.resolution)
+        wider = wide_enough(share, level.resolution, scene.resolution, lost=lost)
         yield (
             f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
             f"{gap.width * level.resolution:.2g} cells of coarse level {level.name!r} wide and may let as "
@@ -125,6 +127,14 @@ def _density_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
             f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse "
             f"level {level.name!r} was fitted to matter of one density: its error may be larger than the "
             "table says; take a coarse level of more particles"
+        )
+
+
+def _loss_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    if scene.transfer_loss is not None and level.r_p < 1:
+        yield (
+            f"transfer_loss is given in this scene, but coarse level {level.name!r} was fitted to scenes "
+            "without: its error may be larger than the table says; leave it out, or take MpmSolver(scene)"
         )
 
 

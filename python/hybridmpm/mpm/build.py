@@ -56,6 +56,7 @@ def native_solver(
         volume=particles.volume,
         body=particles.body.astype(np.uint32),
         contact_friction=scene.contact_friction,
+        transfer_loss=scene.transfer_loss,
         substeps=substeps,
         cfl=cfl,
         sleep_speed=None if sleep is None else sleep.speed,

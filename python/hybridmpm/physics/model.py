@@ -59,7 +59,8 @@ class NeuralModel(ServedNetwork):
         ------
         ConfigError
             Dimension, frame_dt, particle spacing, a material or one of its constants, or obstacles where
-            there were none: the message names both values. Or particles come and go, or obstacles move.
+            there were none: the message names both values. Or particles come and go, obstacles move, or
+            `transfer_loss` is given.
         """
         trained = self.spec.trained_on
         if scene.world is not None:
@@ -92,6 +93,10 @@ class NeuralModel(ServedNetwork):
             raise ConfigError(f"{self._for()}, with obstacles at rest; the scene has one that moves")
         if scene.is_open:
             raise ConfigError(f"{self._for()}, with fixed particles; the scene has emitters or sinks")
+        if scene.transfer_loss is not None:
+            raise ConfigError(
+                f"{self._for()}, without transfer_loss; the scene has {scene.transfer_loss:g} 1/s"
+            )
 
     def _for(self) -> str:
         return f"{self._where} was trained on {', '.join(self.spec.scenarios)}"

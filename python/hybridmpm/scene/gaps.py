@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -20,6 +20,8 @@ _TOUCHING = 1.5
 """Solids nearer than this many distances of the points count as touching."""
 _LOST, _LOST_SAND = 1.3, 3.0
 """Cells of an opening through which nothing flows; those of sand on the scene's own grid (Beverloo)."""
+_KEPT, _KEPT_SAND = (0.45, 3e-4), (0.5, 1e-3)
+"""The same with `transfer_loss`: cells at no loss, and more of them [s] for each 1/s at 128 cells/m."""
 _WIDER = 1.5
 """A part of the room is at least this many times as wide as a gap that leads into it."""
 _CORNER = 0.02
@@ -42,6 +44,8 @@ class Gap:
     """Width [m]."""
     place: tuple[float, ...]
     """Point in it (D,) [m]."""
+    transfer_loss: float | None = None
+    """That of the scene [1/s]."""
 
     @property
     def at_wall(self) -> bool:
@@ -50,19 +54,27 @@ class Gap:
 
     def clear(self, resolution: int) -> float:
         """Return the width [m] through which something flows on a grid of `resolution` cells per metre."""
-        return max(0.0, self.width - _LOST / resolution * (0.5 if self.at_wall else 1.0))
+        lost = lost_cells(self.transfer_loss, resolution)
+        return max(0.0, self.width - lost / resolution * (0.5 if self.at_wall else 1.0))
 
     def flow(self, resolution: int, *, is_sand: bool = False) -> float:
         """Return the share of a flow [-] that a grid of `resolution` cells per metre lets through.
 
         As if some cells were missing: the nodes next to the solids on both sides take part in their contact.
         """
-        return max(0.0, 1.0 - (_LOST_SAND if is_sand else _LOST) / (self.width * resolution))
+        lost = lost_cells(self.transfer_loss, resolution, is_sand=is_sand)
+        return max(0.0, 1.0 - lost / (self.width * resolution))
 
 
-def wide_enough(share: float, resolution: int, finer: int | None = None) -> float:
+def lost_cells(transfer_loss: float | None, resolution: int, *, is_sand: bool = False) -> float:
+    """Return the number of cells of an opening through which nothing flows, at a loss of transfers [1/s]."""
+    most, (least, each) = (_LOST_SAND, _KEPT_SAND) if is_sand else (_LOST, _KEPT)
+    return most if transfer_loss is None else min(most, least + each * transfer_loss * 128 / resolution)
+
+
+def wide_enough(share: float, resolution: int, finer: int | None = None, *, lost: float = _LOST) -> float:
     """Return the width [m] at which a grid lets through `share` of what a finer one does, or of all."""
-    return _LOST / (1 - share) * (1 / resolution - (share / finer if finer else 0.0))
+    return lost / (1 - share) * (1 / resolution - (share / finer if finer else 0.0))
 
 
 def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
@@ -74,7 +86,8 @@ def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
     round it that rises no higher. Gaps below 1.5 distances of the lattice are not seen; these are half a cell
     of the scene or, where there are many obstacles, more.
     """
-    return _gaps(scene.walls, scene.obstacles, scene.gravity, scene.dx)
+    found = _gaps(scene.walls, scene.obstacles, scene.gravity, scene.dx)
+    return tuple(replace(gap, transfer_loss=scene.transfer_loss) for gap in found)
 
 
 @lru_cache(maxsize=64)

@@ -24,6 +24,8 @@ pub struct SolverSettings<const D: usize> {
     pub walls: Walls<D>,
     /// Coulomb coefficient between an elastic body and anything else; None takes the smaller wall friction of the two.
     pub contact_friction: Option<f32>,
+    /// Rate at which particles lose their deviations from the grid's velocity [1/s]; None loses them in each substep (APIC).
+    pub transfer_loss: Option<f32>,
     /// 1 to 255 materials.
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
@@ -94,6 +96,15 @@ impl<const D: usize> SolverSettings<D> {
                 "contact_friction",
                 "finite and >= 0",
                 mu,
+            ));
+        }
+        if let Some(rate) = self.transfer_loss
+            && !(rate >= 0.0 && rate.is_finite())
+        {
+            return Err(MpmError::parameter(
+                "transfer_loss",
+                "finite and >= 0 1/s",
+                rate,
             ));
         }
         if self.threads == 0 {

@@ -218,6 +218,7 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
         gravity,
         walls,
         contact_friction,
+        transfer_loss,
         materials,
         obstacles,
         openings,
@@ -237,7 +238,9 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
     } else {
         format!(" {cells:?}")
     };
-    fnv1a((text + &of_world).as_bytes())
+    // The same for scenes that lose deviations in each substep.
+    let of_loss = transfer_loss.map_or(String::new(), |rate| format!(" loss {rate:?}"));
+    fnv1a((text + &of_world + &of_loss).as_bytes())
 }
 
 pub(crate) fn fnv1a(bytes: &[u8]) -> u64 {

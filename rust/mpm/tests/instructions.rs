@@ -6,7 +6,7 @@ use common::{Bodies, elastic, run, sand, settings, water};
 use mpm::{Instructions, Sleep};
 
 /// The state after some frames of two bodies that fall into each other, in each set of instructions.
-fn check<const D: usize>(resolution: usize) {
+fn check<const D: usize>(resolution: usize, transfer_loss: Option<f32>) {
     let cell = 1.0 / resolution as f32;
     for (lower, upper) in [(water(), sand()), (sand(), elastic())] {
         let place = |y: f32| {
@@ -26,6 +26,7 @@ fn check<const D: usize>(resolution: usize) {
             .block::<D>(resolution, low.0, low.1, [0.7; D], 0)
             .block::<D>(resolution, high.0, high.1, [-2.0; D], 1);
         let mut settings = settings::<D>(resolution, vec![lower, upper]);
+        settings.transfer_loss = transfer_loss;
         settings.sleep = Some(Sleep {
             speed: 0.05,
             frames: 10,
@@ -48,6 +49,8 @@ fn check<const D: usize>(resolution: usize) {
 
 #[test]
 fn a_simulation_gives_the_same_bits_with_all_instructions() {
-    check::<2>(64);
-    check::<3>(32);
+    for transfer_loss in [None, Some(500.0)] {
+        check::<2>(64, transfer_loss);
+        check::<3>(32, transfer_loss);
+    }
 }

@@ -37,6 +37,7 @@ fn splash<const D: usize>() -> Solver<D> {
     let mut obstacle = Obstacle::new(shape, contact).unwrap();
     obstacle.motion = Some(motion.unwrap());
     settings.obstacles.push(obstacle);
+    settings.transfer_loss = Some(500.0);
     let mut solver = bodies.solver(settings);
     run(&mut solver, 25);
     solver

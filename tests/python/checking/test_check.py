@@ -71,7 +71,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
         ),
         (
             {"obstacles": [{"shape": "box", "lower": [0.1, 0.5], "upper": [0.85, 0.6]}]},
-            "warning", "obstacles[0]", ["gap of 0.05 m", "x is 3.2 cells", "59%", "0.068 m wide"],
+            "warning", "obstacles[0]", ["gap of 0.05 m", "x is 3.2 cells", "59%", "0.068 m wide", "or set"],
         ),
         (
             {"bodies": [SLIVER]},

@@ -175,6 +175,7 @@ def test_scenes_of_other_numbers_are_refused(model: NeuralModel, model_3d: Neura
         ({"resolution": 64}, "with particle spacing 0.00390625; the scene has particle spacing 0.0078125"),
         ({"obstacles": (moving,)}, "with obstacles at rest; the scene has one that moves"),
         ({"sinks": (sink,)}, "with fixed particles; the scene has emitters or sinks"),
+        ({"transfer_loss": 500.0}, "without transfer_loss; the scene has 500 1/s"),
     ]
     for change, message in cases:
         with pytest.raises(ConfigError, match=message):

@@ -145,6 +145,7 @@ pub struct Arguments<'py> {
     /// Of the lower and the upper wall across each axis.
     pub wall_contacts: Vec<[Contact; 2]>,
     pub contact_friction: Option<f32>,
+    pub transfer_loss: Option<f32>,
     pub materials: Vec<Material>,
     pub obstacles: Vec<PyRef<'py, PyObstacle>>,
     pub emitters: Vec<PyRef<'py, PyEmitter>>,
@@ -184,6 +185,7 @@ impl Arguments<'_> {
                         contacts: std::array::from_fn(|axis| self.wall_contacts[axis]),
                     },
                     contact_friction: self.contact_friction,
+                    transfer_loss: self.transfer_loss,
                     materials: self.materials,
                     obstacles,
                     openings: Openings {

@@ -87,12 +87,12 @@ impl PySolver {
     #[pyo3(signature = (*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper,
         wall_contact=ForWalls::All("separating".to_owned()), wall_friction=ForWalls::All(None), materials, obstacles=Vec::new(), emitters=Vec::new(),
         sinks=Vec::new(), max_particles=None, x, v, material, mass,
-        volume, volume_ratio=None, body=None, contact_friction=None, substeps=None, cfl=None,
+        volume, volume_ratio=None, body=None, contact_friction=None, transfer_loss=None, substeps=None, cfl=None,
         allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
         text_signature = "(*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper, \
         wall_contact='separating', wall_friction=None, materials, obstacles=(), emitters=(), sinks=(), \
         max_particles=None, x, v, material, mass, volume, volume_ratio=None, body=None, contact_friction=None, \
-        substeps='cfl', cfl=None, allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
+        transfer_loss=None, substeps='cfl', cfl=None, allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -120,6 +120,7 @@ impl PySolver {
         volume_ratio: Option<&Bound<'_, PyAny>>,
         body: Option<&Bound<'_, PyAny>>,
         contact_friction: Option<f32>,
+        transfer_loss: Option<f32>,
         substeps: Option<Bound<'_, PyAny>>,
         cfl: Option<f32>,
         allow_unstable: bool,
@@ -138,6 +139,7 @@ impl PySolver {
             wall_upper,
             wall_contacts: wall_contacts(dim, &wall_contact, &wall_friction)?,
             contact_friction,
+            transfer_loss,
             materials: materials.iter().map(|m| m.inner).collect(),
             obstacles,
             emitters,

@@ -224,7 +224,7 @@ impl<const D: usize> Line<D> {
 /// Nodes on which lines act: those of the grid, and of bodies that meet.
 pub struct LineWindow<'a, 'w, 'f, const D: usize> {
     pub window: &'a mut Window<'w, D>,
-    pub fields: &'a mut Option<FieldWindow<'f>>,
+    pub fields: &'a mut Option<FieldWindow<'f, D>>,
     pub kinds: FieldMap<'a>,
     pub friction: &'a MaterialFriction,
     pub reactions: &'a mut Reactions<D>,

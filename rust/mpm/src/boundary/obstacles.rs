@@ -176,7 +176,7 @@ impl<const D: usize> Obstacles<D> {
     pub fn apply(
         &self,
         window: &mut Window<'_, D>,
-        fields: &mut Option<FieldWindow<'_>>,
+        fields: &mut Option<FieldWindow<'_, D>>,
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
         reactions: &mut Reactions<D>,
@@ -223,7 +223,7 @@ impl<const D: usize> Obstacles<D> {
     pub fn apply_across(
         &self,
         window: &mut Window<'_, D>,
-        fields: &mut Option<FieldWindow<'_>>,
+        fields: &mut Option<FieldWindow<'_, D>>,
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
         planes: Range<usize>,
@@ -254,7 +254,7 @@ impl<const D: usize> Obstacles<D> {
     fn moving_lines(
         &self,
         window: &Window<'_, D>,
-        fields: Option<&FieldWindow<'_>>,
+        fields: Option<&FieldWindow<'_, D>>,
         planes: Range<usize>,
         axes: Range<usize>,
     ) -> [Vec<Line<D>>; D] {

@@ -83,6 +83,9 @@ pub struct Fields<const D: usize> {
     slopes: Vec<f32x4>,
     friction_mass: Vec<f32>,
     volume: Vec<f32>,
+    /// See `Grid`.
+    old: Vec<f32>,
+    keeps_old: bool,
 }
 
 impl<const D: usize> Fields<D> {
@@ -106,7 +109,14 @@ impl<const D: usize> Fields<D> {
             slopes: Vec::new(),
             friction_mass: Vec::new(),
             volume: Vec::new(),
+            old: Vec::new(),
+            keeps_old: false,
         }
+    }
+
+    /// Keeps the velocities before forces from now on.
+    pub(super) fn keep_old(&mut self) {
+        self.keeps_old = true;
     }
 
     /// Whether several fields can meet at all.
@@ -245,12 +255,16 @@ impl<const D: usize> Fields<D> {
             }
         }
         let count = self.slots.len() * CHUNK;
-        let resize = |numbers: &mut Vec<f32>, needed: bool| {
+        let resize = |numbers: &mut Vec<f32>, of_node: usize| {
             numbers.clear();
-            numbers.resize(if needed { count } else { 0 }, 0.0);
+            numbers.resize(count * of_node, 0.0);
         };
-        resize(&mut self.friction_mass, self.sums.friction);
-        resize(&mut self.volume, self.sums.volume);
+        resize(&mut self.friction_mass, usize::from(self.sums.friction));
+        resize(&mut self.volume, usize::from(self.sums.volume));
+        resize(
+            &mut self.old,
+            usize::from(self.keeps_old) * Layout::<D>::OLD,
+        );
         for nodes in [&mut self.nodes, &mut self.slopes] {
             nodes.clear();
             nodes.resize(count, f32x4::ZERO);
@@ -258,7 +272,7 @@ impl<const D: usize> Fields<D> {
     }
 
     /// Lends the fields to threads that take turns on their planes.
-    pub(super) fn shared(&mut self) -> SharedFields<'_> {
+    pub(super) fn shared(&mut self) -> SharedFields<'_, D> {
         SharedFields {
             map: FieldMap {
                 flows: self.flows,
@@ -272,6 +286,7 @@ impl<const D: usize> Fields<D> {
             friction_mass: (!self.friction_mass.is_empty())
                 .then_some(self.friction_mass.as_mut_ptr()),
             volume: (!self.volume.is_empty()).then_some(self.volume.as_mut_ptr()),
+            old: (!self.old.is_empty()).then_some(self.old.as_mut_ptr()),
             borrowed: PhantomData,
         }
     }
@@ -409,21 +424,22 @@ impl<'a> FieldMap<'a> {
 }
 
 /// Fields that several threads read and write, each time on other planes.
-pub struct SharedFields<'a> {
+pub struct SharedFields<'a, const D: usize> {
     map: FieldMap<'a>,
     starts: &'a [usize],
     nodes: *mut f32x4,
     slopes: *mut f32x4,
     friction_mass: Option<*mut f32>,
     volume: Option<*mut f32>,
+    old: Option<*mut f32>,
     /// The fields cannot be used otherwise meanwhile.
     borrowed: PhantomData<&'a mut f32x4>,
 }
 
 // SAFETY: the pointers lead to plain numbers, and callers of `window`, `slopes` and `view` keep threads apart.
-unsafe impl Sync for SharedFields<'_> {}
+unsafe impl<const D: usize> Sync for SharedFields<'_, D> {}
 
-impl SharedFields<'_> {
+impl<const D: usize> SharedFields<'_, D> {
     pub fn map(&self) -> FieldMap<'_> {
         self.map
     }
@@ -432,14 +448,14 @@ impl SharedFields<'_> {
     ///
     /// # Safety
     /// While they are in use, no other window and no view has a plane of them.
-    pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_> {
+    pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_, D> {
         let nodes = self.nodes_of(planes);
         let (first, count) = (nodes.start, nodes.len());
         // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
         unsafe {
-            let numbers = |all: Option<*mut f32>| {
+            let numbers = |all: Option<*mut f32>, of_node: usize| {
                 all.map_or(&mut [][..], |all| {
-                    slice::from_raw_parts_mut(all.add(first), count)
+                    slice::from_raw_parts_mut(all.add(first * of_node), count * of_node)
                 })
             };
             FieldWindow {
@@ -449,8 +465,9 @@ impl SharedFields<'_> {
                 slots: &self.map.slots[first / CHUNK..(first + count) / CHUNK],
                 nodes: slice::from_raw_parts_mut(self.nodes.add(first), count),
                 slopes: slice::from_raw_parts(self.slopes.add(first), count),
-                friction_mass: numbers(self.friction_mass),
-                volume: numbers(self.volume),
+                friction_mass: numbers(self.friction_mass, 1),
+                volume: numbers(self.volume, 1),
+                old: numbers(self.old, Layout::<D>::OLD),
             }
         }
     }
@@ -472,13 +489,18 @@ impl SharedFields<'_> {
     ///
     /// # Safety
     /// While they are in use, no window has a plane of them.
-    pub unsafe fn view(&self, planes: Range<usize>) -> FieldView<'_> {
+    pub unsafe fn view(&self, planes: Range<usize>) -> FieldView<'_, D> {
         let nodes = self.nodes_of(planes);
         FieldView {
             map: self.map,
             first: nodes.start,
             // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
             nodes: unsafe { slice::from_raw_parts(self.nodes.add(nodes.start), nodes.len()) },
+            // SAFETY: as above.
+            old: self.old.map_or(&[], |all| unsafe {
+                let numbers = Layout::<D>::OLD;
+                slice::from_raw_parts(all.add(nodes.start * numbers), nodes.len() * numbers)
+            }),
         }
     }
 
@@ -495,7 +517,7 @@ pub struct Slopes<'a> {
 }
 
 /// The slots of some planes, which one thread may write while others write those of other planes.
-pub struct FieldWindow<'a> {
+pub struct FieldWindow<'a, const D: usize> {
     map: FieldMap<'a>,
     starts: &'a [usize],
     /// Number of the first node.
@@ -508,9 +530,11 @@ pub struct FieldWindow<'a> {
     pub friction_mass: &'a mut [f32],
     /// Rest volume; empty unless materials of one field differ in density.
     pub volume: &'a mut [f32],
+    /// See `Grid`.
+    pub old: &'a mut [f32],
 }
 
-impl<'a> FieldWindow<'a> {
+impl<'a, const D: usize> FieldWindow<'a, D> {
     pub fn map(&self) -> FieldMap<'a> {
         self.map
     }
@@ -541,19 +565,32 @@ impl<'a> FieldWindow<'a> {
                 numbers[places.clone()].fill(0.0);
             }
         }
+        if !self.old.is_empty() {
+            let numbers = Layout::<D>::OLD;
+            self.old[places.start * numbers..places.end * numbers].fill(0.0);
+        }
     }
+}
+
+/// Nodes side by side, behind them an empty one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Row {
+    pub nodes: [f32x4; 4],
+    /// See `Grid`.
+    pub old: [f32; 16],
 }
 
 /// The nodes of the slots of some planes, to be read.
 #[derive(Clone, Copy)]
-pub struct FieldView<'a> {
+pub struct FieldView<'a, const D: usize> {
     map: FieldMap<'a>,
     /// Number of the first node.
     first: usize,
     nodes: &'a [f32x4],
+    old: &'a [f32],
 }
 
-impl FieldView<'_> {
+impl<const D: usize> FieldView<'_, D> {
     /// Whether a stencil that starts at this node of the grid may touch a slot.
     #[inline(always)]
     pub fn near(&self, start: usize) -> bool {
@@ -562,27 +599,26 @@ impl FieldView<'_> {
 
     /// Three nodes side by side of a field that reaches them, its own or the grid's, and whether some are its own.
     #[inline(always)]
-    pub fn row<const D: usize>(
-        &self,
-        grid: View<'_, D>,
-        index: usize,
-        field: u16,
-    ) -> ([f32x4; 3], bool) {
+    pub fn row(&self, grid: View<'_, D>, index: usize, field: u16) -> (Row, bool) {
         let places = self.map.nodes(index, field);
-        let nodes = std::array::from_fn(|step| match places[step] {
-            Some(place) => self.nodes[place - self.first],
-            None => grid.nodes[index + step - grid.first],
-        });
-        (nodes, places[0].is_some() | places[2].is_some())
+        let mut row = Row::default();
+        let numbers = Layout::<D>::OLD;
+        for step in 0..3 {
+            let (place, nodes, old) = match places[step] {
+                Some(place) => (place - self.first, self.nodes, self.old),
+                None => (index + step - grid.first, grid.nodes, grid.old),
+            };
+            row.nodes[step] = nodes[place];
+            if !old.is_empty() {
+                row.old[step * numbers..(step + 1) * numbers]
+                    .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
+            }
+        }
+        (row, places[0].is_some() | places[2].is_some())
     }
 
     /// Masses of a field on a chunk [kg]; none where it does not reach.
-    pub fn masses<const D: usize>(
-        &self,
-        grid: View<'_, D>,
-        chunk: usize,
-        field: u16,
-    ) -> [f32; CHUNK] {
+    pub fn masses(&self, grid: View<'_, D>, chunk: usize, field: u16) -> [f32; CHUNK] {
         let holder = self.map.holders[chunk];
         let nodes = match holder.first_slot() {
             Some(first) => {

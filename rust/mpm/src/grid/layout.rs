@@ -24,6 +24,10 @@ pub struct Layout<const D: usize> {
 }
 
 impl<const D: usize> Layout<D> {
+    /// Numbers of each node beside those of momentum and mass that its momentum before forces takes. In 2D its first
+    /// component is the third number of the node; in 3D nodes have none to spare.
+    pub const OLD: usize = if D == 2 { 1 } else { 4 };
+
     /// For a world of `cells` along each axis, from the origin on.
     pub fn new(resolution: usize, cells: [usize; D]) -> Self {
         let extents = cells.map(|cells| cells + 1 + 2 * PADDING);

@@ -23,6 +23,8 @@ pub struct Grid<const D: usize> {
     pub nodes: Vec<f32x4>,
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
+    /// Momentum before forces; the velocity by it after the grid update. See `OLD`; empty where it is not kept.
+    pub old: Vec<f32>,
     /// Whether something has been written to a chunk of nodes since it was cleared; the others are zero.
     pub(super) dirty: Vec<bool>,
     pub active: ActiveSpans,
@@ -49,12 +51,19 @@ impl<const D: usize> Grid<D> {
             } else {
                 Vec::new()
             },
+            old: Vec::new(),
             dirty: vec![false; count / CHUNK],
             active: ActiveSpans::none(&layout),
             fields: Fields::new(layout, 1, true, sums),
             reach: Reach::new(&layout),
             bands: Vec::new(),
         }
+    }
+
+    /// Keeps the velocities before forces from now on.
+    pub fn keep_old(&mut self) {
+        self.old = vec![0.0; self.nodes.len() * Layout::<D>::OLD];
+        self.fields.keep_old();
     }
 
     /// Recomputes the active spans. Bands are ranges of planes that tile the grid in ascending order; `places` returns the
@@ -90,6 +99,7 @@ impl<const D: usize> Grid<D> {
             nodes: self.nodes.as_mut_ptr(),
             friction_mass: (!self.friction_mass.is_empty())
                 .then_some(self.friction_mass.as_mut_ptr()),
+            old: (!self.old.is_empty()).then_some(self.old.as_mut_ptr()),
             dirty: self.dirty.as_mut_ptr(),
             active: &self.active,
             fields: self.fields.shared(),
@@ -103,16 +113,18 @@ impl<const D: usize> Grid<D> {
             layout: self.layout,
             first: 0,
             nodes: &self.nodes,
+            old: &self.old,
         }
     }
 
     /// Windows onto ranges of planes, given in ascending order without overlap.
     pub fn windows(&mut self, planes: impl Iterator<Item = Range<usize>>) -> Vec<Window<'_, D>> {
         let layout = self.layout;
-        let (mut nodes, mut friction_mass, mut dirty) = (
+        let (mut nodes, mut friction_mass, mut dirty, mut old) = (
             &mut self.nodes[..],
             &mut self.friction_mass[..],
             &mut self.dirty[..],
+            &mut self.old[..],
         );
         let mut cut = 0;
         let mut windows = Vec::new();
@@ -127,12 +139,20 @@ impl<const D: usize> Grid<D> {
             } else {
                 cut_out(friction_mass, first - cut, end - cut)
             };
+            let numbers = Layout::<D>::OLD;
+            let my_old = if old.is_empty() {
+                (&mut [][..], old)
+            } else {
+                cut_out(old, (first - cut) * numbers, (end - cut) * numbers)
+            };
             (nodes, dirty, friction_mass, cut) = (mine.1, my_dirty.1, my_friction.1, end);
+            old = my_old.1;
             windows.push(Window {
                 layout,
                 first,
                 nodes: mine.0,
                 friction_mass: my_friction.0,
+                old: my_old.0,
                 dirty: my_dirty.0,
                 planes,
                 active: &self.active,

@@ -11,4 +11,6 @@ pub struct View<'a, const D: usize> {
     /// Memory index of the first node.
     pub first: usize,
     pub nodes: &'a [f32x4],
+    /// See `Grid`.
+    pub old: &'a [f32],
 }

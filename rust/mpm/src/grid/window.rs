@@ -21,6 +21,8 @@ pub struct Window<'a, const D: usize> {
     /// Empty unless materials differ in wall friction.
     pub friction_mass: &'a mut [f32],
     /// See `Grid`.
+    pub old: &'a mut [f32],
+    /// See `Grid`.
     pub dirty: &'a mut [bool],
     /// The planes.
     pub planes: Range<usize>,
@@ -57,6 +59,10 @@ impl<'a, const D: usize> Window<'a, D> {
                     self.dirty[chunk] = false;
                     let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
                     self.nodes[nodes.clone()].fill(f32x4::ZERO);
+                    if !self.old.is_empty() {
+                        let numbers = Layout::<D>::OLD;
+                        self.old[nodes.start * numbers..nodes.end * numbers].fill(0.0);
+                    }
                     if !self.friction_mass.is_empty() {
                         self.friction_mass[nodes].fill(0.0);
                     }
@@ -72,9 +78,11 @@ pub struct SharedGrid<'a, const D: usize> {
     pub(super) nodes: *mut f32x4,
     /// None where all materials share one coefficient.
     pub(super) friction_mass: Option<*mut f32>,
+    /// None where it is not kept.
+    pub(super) old: Option<*mut f32>,
     pub(super) dirty: *mut bool,
     pub(super) active: &'a ActiveSpans,
-    pub fields: SharedFields<'a>,
+    pub fields: SharedFields<'a, D>,
     /// The grid cannot be used otherwise meanwhile.
     pub(super) borrowed: PhantomData<&'a mut f32x4>,
 }
@@ -98,6 +106,10 @@ impl<const D: usize> SharedGrid<'_, D> {
                 friction_mass: self.friction_mass.map_or(&mut [], |all| {
                     slice::from_raw_parts_mut(all.add(first), count)
                 }),
+                old: self.old.map_or(&mut [], |all| {
+                    let numbers = Layout::<D>::OLD;
+                    slice::from_raw_parts_mut(all.add(first * numbers), count * numbers)
+                }),
                 dirty: slice::from_raw_parts_mut(self.dirty.add(first / CHUNK), count / CHUNK),
                 planes,
                 active: self.active,
@@ -116,6 +128,11 @@ impl<const D: usize> SharedGrid<'_, D> {
             first,
             // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
             nodes: unsafe { slice::from_raw_parts(self.nodes.add(first), count) },
+            // SAFETY: as above.
+            old: self.old.map_or(&[], |all| unsafe {
+                let numbers = Layout::<D>::OLD;
+                slice::from_raw_parts(all.add(first * numbers), count * numbers)
+            }),
         }
     }
 

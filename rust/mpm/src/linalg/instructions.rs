@@ -126,6 +126,9 @@ mod tests {
             let (a, b) = (Q::load(&nodes), Q::repeat(nodes[1]));
             let c = a.mul_add(b, Q::of_nodes([0.1, 0.2, 0.3, 0.4]));
             let d = b.add(Q::splat(0.7)).max(a).last_numbers();
+            let d = d
+                .with_last_node(nodes[2])
+                .with_last_numbers([0.3, 0.6, 0.9, 1.2]);
             let sums = Q::sums([a, c, a.mul(c), d.div(c)]);
             let mut result = [0.0; LANES];
             for (four, sum) in result.chunks_mut(4).zip(sums) {

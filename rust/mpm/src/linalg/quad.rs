@@ -10,6 +10,8 @@ use wide::f32x4;
 /// Sixteen numbers, node by node.
 pub trait Quad: Copy {
     fn load(nodes: &[f32x4; 4]) -> Self;
+    /// The same, of numbers side by side.
+    fn of_numbers(numbers: &[f32; 16]) -> Self;
     fn store(self) -> [f32x4; 4];
     /// The same number everywhere.
     fn splat(number: f32) -> Self;
@@ -26,6 +28,10 @@ pub trait Quad: Copy {
     fn mul_add(self, factor: Self, summand: Self) -> Self;
     /// The last number of each node in all of its places.
     fn last_numbers(self) -> Self;
+    /// The same with other numbers at the last node.
+    fn with_last_node(self, numbers: f32x4) -> Self;
+    /// The same with one other number at each node, in the last place.
+    fn with_last_numbers(self, numbers: [f32; 4]) -> Self;
     /// The sums over the nodes of four quads, (0 + 2) + (1 + 3).
     fn sums(quads: [Self; 4]) -> [f32x4; 4];
     /// Number `k` of two times eight nodes.
@@ -73,6 +79,10 @@ impl Quad for Portable {
         Self(nodes.map(f32x4::to_array))
     }
     #[inline(always)]
+    fn of_numbers(numbers: &[f32; 16]) -> Self {
+        Self::each(|node, k| numbers[4 * node + k])
+    }
+    #[inline(always)]
     fn store(self) -> [f32x4; 4] {
         self.0.map(f32x4::from)
     }
@@ -114,6 +124,18 @@ impl Quad for Portable {
     #[inline(always)]
     fn mul_add(self, factor: Self, summand: Self) -> Self {
         Self::each(|node, k| self.0[node][k].mul_add(factor.0[node][k], summand.0[node][k]))
+    }
+    #[inline(always)]
+    fn with_last_node(mut self, numbers: f32x4) -> Self {
+        self.0[3] = numbers.to_array();
+        self
+    }
+    #[inline(always)]
+    fn with_last_numbers(mut self, numbers: [f32; 4]) -> Self {
+        for node in 0..4 {
+            self.0[node][3] = numbers[node];
+        }
+        self
     }
     #[inline(always)]
     fn sums(quads: [Self; 4]) -> [f32x4; 4] {

@@ -1,8 +1,8 @@
 //! Sixteen numbers in four registers of WebAssembly.
 
 use std::arch::wasm32::{
-    f32x4_add, f32x4_div, f32x4_mul, f32x4_pmax, f32x4_splat, i32x4_shuffle, v128, v128_load,
-    v128_store,
+    f32x4_add, f32x4_div, f32x4_mul, f32x4_pmax, f32x4_replace_lane, f32x4_splat, i32x4_shuffle,
+    v128, v128_load, v128_store,
 };
 
 use super::quad::Quad;
@@ -37,6 +37,12 @@ impl Quad for Simd128 {
     #[inline(always)]
     fn load(nodes: &[Node; 4]) -> Self {
         Self(std::array::from_fn(|node| load(&nodes[node])))
+    }
+    #[inline(always)]
+    fn of_numbers(numbers: &[f32; 16]) -> Self {
+        // SAFETY: four numbers have the length of a register.
+        let four = |node: usize| unsafe { v128_load(numbers.as_ptr().add(4 * node).cast()) };
+        Self(std::array::from_fn(four))
     }
     #[inline(always)]
     fn store(self) -> [Node; 4] {
@@ -79,6 +85,17 @@ impl Quad for Simd128 {
     #[inline(always)]
     fn last_numbers(self) -> Self {
         Self(self.0.map(|node| i32x4_shuffle::<3, 3, 3, 3>(node, node)))
+    }
+    #[inline(always)]
+    fn with_last_node(mut self, numbers: Node) -> Self {
+        self.0[3] = load(&numbers);
+        self
+    }
+    #[inline(always)]
+    fn with_last_numbers(self, numbers: [f32; 4]) -> Self {
+        Self(std::array::from_fn(|node| {
+            f32x4_replace_lane::<3>(self.0[node], numbers[node])
+        }))
     }
     #[inline(always)]
     fn sums(quads: [Self; 4]) -> [Node; 4] {

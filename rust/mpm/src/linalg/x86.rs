@@ -3,14 +3,14 @@
 //! Only `run_wide` uses these types, after a check that the processor has their instructions.
 
 use std::arch::x86_64::{
-    __m256, __m512, _mm_loadu_ps, _mm_set1_ps, _mm256_add_ps, _mm256_div_ps, _mm256_fmadd_ps,
-    _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps, _mm256_permute_ps, _mm256_permute2f128_ps,
-    _mm256_set_m128, _mm256_set1_ps, _mm256_storeu_ps, _mm512_add_epi32, _mm512_add_ps,
-    _mm512_broadcast_f32x4, _mm512_castps128_ps512, _mm512_castps256_ps512, _mm512_castps512_ps256,
-    _mm512_div_ps, _mm512_fmadd_ps, _mm512_insertf32x8, _mm512_loadu_ps,
-    _mm512_mask_permutexvar_ps, _mm512_max_ps, _mm512_mul_ps, _mm512_permute_ps,
-    _mm512_permutex2var_ps, _mm512_permutexvar_ps, _mm512_set_epi32, _mm512_set1_epi32,
-    _mm512_set1_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
+    __m256, __m512, _mm_loadu_ps, _mm_set1_ps, _mm256_add_ps, _mm256_blend_ps, _mm256_div_ps,
+    _mm256_fmadd_ps, _mm256_insertf128_ps, _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps,
+    _mm256_permute_ps, _mm256_permute2f128_ps, _mm256_set_m128, _mm256_set1_ps, _mm256_storeu_ps,
+    _mm512_add_epi32, _mm512_add_ps, _mm512_broadcast_f32x4, _mm512_castps128_ps512,
+    _mm512_castps256_ps512, _mm512_castps512_ps256, _mm512_div_ps, _mm512_fmadd_ps,
+    _mm512_insertf32x4, _mm512_insertf32x8, _mm512_loadu_ps, _mm512_mask_permutexvar_ps,
+    _mm512_max_ps, _mm512_mul_ps, _mm512_permute_ps, _mm512_permutex2var_ps, _mm512_permutexvar_ps,
+    _mm512_set_epi32, _mm512_set1_epi32, _mm512_set1_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
 };
 
 use super::lanes::{LANES, Lanes};
@@ -26,6 +26,12 @@ impl Quad for Avx2 {
     fn load(nodes: &[f32x4; 4]) -> Self {
         let numbers = nodes.as_ptr().cast::<f32>();
         // SAFETY: `run_wide` checked for AVX2 and FMA; the arrays have the length of the registers.
+        unsafe { Self(_mm256_loadu_ps(numbers), _mm256_loadu_ps(numbers.add(8))) }
+    }
+    #[inline(always)]
+    fn of_numbers(numbers: &[f32; 16]) -> Self {
+        let numbers = numbers.as_ptr();
+        // SAFETY: `run_wide` checked for AVX2 and FMA; the array has the length of the registers.
         unsafe { Self(_mm256_loadu_ps(numbers), _mm256_loadu_ps(numbers.add(8))) }
     }
     #[inline(always)]
@@ -126,6 +132,26 @@ impl Quad for Avx2 {
         }
     }
     #[inline(always)]
+    fn with_last_node(self, numbers: f32x4) -> Self {
+        let numbers = numbers.to_array();
+        // SAFETY: `run_wide` checked for AVX2 and FMA; the array has the length of the register.
+        unsafe {
+            let node = _mm_loadu_ps(numbers.as_ptr());
+            Self(self.0, _mm256_insertf128_ps::<1>(self.1, node))
+        }
+    }
+    #[inline(always)]
+    fn with_last_numbers(self, numbers: [f32; 4]) -> Self {
+        let numbers = Self::of_nodes(numbers);
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
+        unsafe {
+            Self(
+                _mm256_blend_ps::<0b1000_1000>(self.0, numbers.0),
+                _mm256_blend_ps::<0b1000_1000>(self.1, numbers.1),
+            )
+        }
+    }
+    #[inline(always)]
     fn sums([a, b, c, d]: [Self; 4]) -> [f32x4; 4] {
         // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
@@ -149,6 +175,11 @@ impl Quad for Avx512 {
     fn load(nodes: &[f32x4; 4]) -> Self {
         // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe { Self(_mm512_loadu_ps(nodes.as_ptr().cast::<f32>())) }
+    }
+    #[inline(always)]
+    fn of_numbers(numbers: &[f32; 16]) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512; the array has the length of the register.
+        unsafe { Self(_mm512_loadu_ps(numbers.as_ptr())) }
     }
     #[inline(always)]
     fn store(self) -> [f32x4; 4] {
@@ -206,6 +237,29 @@ impl Quad for Avx512 {
     fn mul_add(self, factor: Self, summand: Self) -> Self {
         // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_fmadd_ps(self.0, factor.0, summand.0)) }
+    }
+    #[inline(always)]
+    fn with_last_node(self, numbers: f32x4) -> Self {
+        let numbers = numbers.to_array();
+        // SAFETY: `run_wide` checked for AVX-512; the array has the length of the register.
+        unsafe {
+            let node = _mm_loadu_ps(numbers.as_ptr());
+            Self(_mm512_insertf32x4::<3>(self.0, node))
+        }
+    }
+    #[inline(always)]
+    fn with_last_numbers(self, numbers: [f32; 4]) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512; the array has the length of the register.
+        unsafe {
+            let node = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
+            let numbers = _mm512_castps128_ps512(_mm_loadu_ps(numbers.as_ptr()));
+            Self(_mm512_mask_permutexvar_ps(
+                self.0,
+                0b1000_1000_1000_1000,
+                node,
+                numbers,
+            ))
+        }
     }
     #[inline(always)]
     fn sums([a, b, c, d]: [Self; 4]) -> [f32x4; 4] {

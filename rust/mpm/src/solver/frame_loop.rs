@@ -72,6 +72,9 @@ impl<const D: usize> Solver<D> {
         };
         let flows = groups.iter().any(|group| !group.is_elastic());
         grid.fields = Fields::new(grid.layout, meeting.fields(), flows, sums);
+        if settings.transfer_loss.is_some() {
+            grid.keep_old();
+        }
         let volume = groups
             .iter()
             .any(|group| with_group!(group, group => group.corrects_volume()))
@@ -351,6 +354,7 @@ impl<const D: usize> Solver<D> {
                 meeting: &self.meeting,
             },
             bounds: &self.bounds,
+            transfer_loss: self.settings.transfer_loss.unwrap_or(0.0),
         };
         let groups = &mut self.state.groups;
         let (grid, reactions) = (&mut self.grid, &mut self.reactions);

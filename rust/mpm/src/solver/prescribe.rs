@@ -207,7 +207,7 @@ impl<const D: usize, S: State> Kernel for Gradients<'_, D, S> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather::<Q, D>(self.grid.view(), &stencils, count);
+            let sums = gather::<Q, D, false>(self.grid.view(), &stencils, count);
             for i in 0..count {
                 let v = sums.value(i).to_array();
                 for axis in 0..D {
@@ -244,7 +244,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather::<Q, D>(self.grid.view(), &stencils, count);
+            let sums = gather::<Q, D, false>(self.grid.view(), &stencils, count);
             // The density of a particle's own material, whatever the others weigh.
             let mut density = [0.0; LANES];
             for i in 0..count {

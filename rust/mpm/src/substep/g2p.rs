@@ -1,11 +1,13 @@
 //! Grid to particles: velocity, affine matrix, deformation and position.
 //!
-//! v = sum_i w_ip v_i and C = (4 / dx^2) sum_i w_ip v_i (x_i - x_p)^T.
+//! v = sum_i w_ip v_i and C = (4 / dx^2) sum_i w_ip v_i (x_i - x_p)^T. Where velocities before forces are kept,
+//! v = sum_i w_ip v_i + k (v_p - sum_i w_ip v_i,old) with k = exp(-rate dt): a blend of APIC and FLIP (Brackbill and Ruppel
+//! 1986) by time. The particle moves by the first part.
 
 use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles, Reactions};
-use crate::grid::{FieldView, Layout, Stencils, View};
+use crate::grid::{FieldView, Layout, Row, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
@@ -41,13 +43,13 @@ impl Outcome {
 #[derive(Clone, Copy)]
 pub struct Nodes<'a, const D: usize> {
     pub grid: View<'a, D>,
-    pub own: Option<OwnView<'a>>,
+    pub own: Option<OwnView<'a, D>>,
 }
 
 /// Slots that a group reads, and its field.
 #[derive(Clone, Copy)]
-pub struct OwnView<'a> {
-    pub fields: FieldView<'a>,
+pub struct OwnView<'a, const D: usize> {
+    pub fields: FieldView<'a, D>,
     pub field: u16,
 }
 
@@ -66,11 +68,11 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
     nodes: Nodes<'_, D>,
     solids: Solids<'_, D>,
     reactions: &mut Reactions<D>,
-    dt: f32,
+    time: Time,
 ) -> Outcome {
     let Nodes { grid, own } = nodes;
     let Solids { bounds, obstacles } = solids;
-    run_wide(GatherBlocks {
+    let blocks = GatherBlocks::<D, M, false> {
         blocks,
         material,
         friction,
@@ -79,24 +81,66 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
         bounds,
         obstacles,
         reactions,
-        dt,
-    })
+        time,
+    };
+    if grid.old.is_empty() {
+        run_wide(blocks)
+    } else {
+        run_wide(blocks.keeping())
+    }
 }
 
-/// Some blocks of one group.
-struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
+/// Length of a substep.
+#[derive(Clone, Copy)]
+pub struct Time {
+    /// [s].
+    pub dt: f32,
+    /// Share of its deviation from the grid that a particle keeps over it [-], where velocities before forces are kept.
+    pub kept: f32,
+}
+
+/// Some blocks of one group; `KEEPS` whether their particles keep deviations.
+struct GatherBlocks<'a, const D: usize, M: Constitutive<D>, const KEEPS: bool> {
     blocks: &'a mut [Block<D, M::State>],
     material: &'a M,
     friction: f32,
     grid: View<'a, D>,
-    own: Option<OwnView<'a>>,
+    own: Option<OwnView<'a, D>>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
     reactions: &'a mut Reactions<D>,
-    dt: f32,
+    time: Time,
 }
 
-/// Weighted sums over the nodes of each particle, each as velocity and mass.
+impl<'a, const D: usize, M: Constitutive<D>> GatherBlocks<'a, D, M, false> {
+    fn keeping(self) -> GatherBlocks<'a, D, M, true> {
+        let Self {
+            blocks,
+            material,
+            friction,
+            grid,
+            own,
+            bounds,
+            obstacles,
+            reactions,
+            time,
+        } = self;
+        GatherBlocks {
+            blocks,
+            material,
+            friction,
+            grid,
+            own,
+            bounds,
+            obstacles,
+            reactions,
+            time,
+        }
+    }
+}
+
+/// Weighted sums over the nodes of each particle, each as velocity and mass; in 2D as velocity and that before forces where
+/// it is kept.
 pub struct Sums([[f32x4; 4]; LANES]);
 
 impl Sums {
@@ -112,7 +156,9 @@ impl Sums {
     }
 }
 
-impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
+impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
+    for GatherBlocks<'_, D, M, KEEPS>
+{
     type Output = Outcome;
 
     #[inline(always)]
@@ -124,7 +170,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             bounds,
             obstacles,
             reactions,
-            dt,
+            time,
             friction,
             ..
         } = self;
@@ -135,7 +181,11 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         let mut broken = [0u32; LANES];
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
-            let mut sums = gather::<Q, D>(grid, &stencils, block.count.min(LANES));
+            let mut sums = gather::<Q, D, KEEPS>(grid, &stencils, block.count.min(LANES));
+            let mut old = [f32x4::ZERO; LANES];
+            if KEEPS && D == 3 {
+                old = gather_old::<Q, D>(grid, &stencils, block.count.min(LANES));
+            }
             if let Some(own) = own {
                 let (count, stencils, sums) = (block.count.min(LANES), &stencils, &mut sums);
                 if stencils.start[..count]
@@ -148,12 +198,25 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
                         stencils,
                         count,
                         sums,
+                        old: (KEEPS && D == 3).then_some(&mut old),
                     });
                 }
             }
-            let moved = move_block(block, &stencils, &sums, grid.layout, bounds, dt);
+            let deviating = Deviating {
+                old: &old,
+                kept: time.kept,
+            };
+            let moved = move_block::<_, _, KEEPS>(
+                block,
+                &stencils,
+                &sums,
+                deviating,
+                grid.layout,
+                bounds,
+                time.dt,
+            );
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
-            material.deform(&mut block.state, &block.affine, dt, bounds.slow);
+            material.deform(&mut block.state, &block.affine, time.dt, bounds.slow);
             let ratios = material.volume_ratios(&block.state);
             for i in 0..LANES {
                 // False for NaN.
@@ -177,7 +240,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
 
 /// Sums over the nodes of the first `count` particles of a block.
 #[inline(always)]
-pub fn gather<Q: Quad, const D: usize>(
+pub fn gather<Q: Quad, const D: usize, const KEEPS: bool>(
     grid: View<'_, D>,
     stencils: &Stencils<D>,
     count: usize,
@@ -192,32 +255,80 @@ pub fn gather<Q: Quad, const D: usize>(
             rows[a][b] = &grid.nodes[offset..offset + length];
         }
     }
+    let mut old = [[&[][..]; 3]; 3];
+    if KEEPS && D == 2 {
+        for a in 0..3 {
+            let offset = grid.layout.stencil_row([a, 0]);
+            old[a][0] = &grid.old[offset..offset + length];
+        }
+    }
     for i in 0..count {
         let start = stencils.start[i] as usize - grid.first;
         sums.0[i] = sum_up::<Q, D>(stencils, i, |a, b| {
             let nodes = &rows[a][b][start..start + 4];
-            Q::load(nodes.try_into().expect("four nodes"))
+            let nodes = Q::load(nodes.try_into().expect("four nodes"));
+            if KEEPS && D == 2 {
+                let old = &old[a][b][start..start + 4];
+                nodes.with_last_numbers(old.try_into().expect("four numbers"))
+            } else {
+                nodes
+            }
         });
+    }
+    sums
+}
+
+/// Weighted sums of the velocities before forces of the nodes of the first `count` particles of a block in 3D.
+#[inline(always)]
+fn gather_old<Q: Quad, const D: usize>(
+    grid: View<'_, D>,
+    stencils: &Stencils<D>,
+    count: usize,
+) -> [f32x4; LANES] {
+    let mut sums = [f32x4::ZERO; LANES];
+    let length = grid.old.len() - 4 * grid.layout.stencil_row([2, 2]);
+    let mut rows = [[&grid.old[..length]; 3]; 3];
+    for a in 0..3 {
+        for b in 0..3 {
+            let offset = 4 * grid.layout.stencil_row([a, b]);
+            rows[a][b] = &grid.old[offset..offset + length];
+        }
+    }
+    for four in (0..count).step_by(4) {
+        let mut quads = [Q::zero(); 4];
+        for k in 0..4 {
+            // Lanes without a particle read what the last one does.
+            let i = (four + k).min(count - 1);
+            let start = 4 * (stencils.start[i] as usize - grid.first);
+            quads[k] = sum_up_old(stencils, i, |a, b| {
+                let numbers = &rows[a][b][start..start + 16];
+                Q::of_numbers(numbers.try_into().expect("sixteen numbers"))
+            });
+        }
+        sums[four..four + 4].copy_from_slice(&Q::sums(quads));
     }
     sums
 }
 
 /// Replaces the sums of the particles of a block that touch slots.
 struct GatherOwn<'a, 's, const D: usize> {
-    own: OwnView<'a>,
+    own: OwnView<'a, D>,
     grid: View<'a, D>,
     stencils: &'s Stencils<D>,
     count: usize,
     sums: &'s mut Sums,
+    /// Those of velocities before forces in 3D, where they are kept.
+    old: Option<&'s mut [f32x4; LANES]>,
 }
 
 impl<const D: usize> Kernel for GatherOwn<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn run<Q: Quad>(self) {
+    fn run<Q: Quad>(mut self) {
         let (own, layout) = (self.own, &self.grid.layout);
-        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
+        let keeps_in_2d = D == 2 && !self.grid.old.is_empty();
+        let mut rows = [[Row::default(); 3]; 3];
         let (mut previous, mut touches) = (usize::MAX, false);
         for i in 0..self.count {
             let start = self.stencils.start[i] as usize;
@@ -230,12 +341,25 @@ impl<const D: usize> Kernel for GatherOwn<'_, '_, D> {
                 for_each_row::<D>(|a, b| {
                     let first = start + layout.stencil_row([a, b]);
                     let (row, has_own) = own.fields.row(self.grid, first, own.field);
-                    rows[a][b][..3].copy_from_slice(&row);
+                    rows[a][b] = row;
                     touches |= has_own;
                 });
             }
             if touches {
-                self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| Q::load(&rows[a][b]));
+                self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| {
+                    let nodes = Q::load(&rows[a][b].nodes);
+                    if keeps_in_2d {
+                        let [a, b, c, d, ..] = rows[a][b].old;
+                        nodes.with_last_numbers([a, b, c, d])
+                    } else {
+                        nodes
+                    }
+                });
+                if let Some(old) = &mut self.old {
+                    let row = |a: usize, b: usize| Q::of_numbers(&rows[a][b].old);
+                    let quad = sum_up_old(self.stencils, i, row);
+                    [old[i], ..] = Q::sums([quad, Q::zero(), Q::zero(), Q::zero()]);
+                }
             }
         }
     }
@@ -277,6 +401,26 @@ fn sum_up<Q: Quad, const D: usize>(
     Q::sums(quads)
 }
 
+/// The same row by row alone, in 3D without moments.
+#[inline(always)]
+fn sum_up_old<Q: Quad, const D: usize>(
+    stencils: &Stencils<D>,
+    i: usize,
+    row: impl Fn(usize, usize) -> Q,
+) -> Q {
+    let mut sum = Q::zero();
+    for a in 0..3 {
+        let mut plane = Q::zero();
+        for b in 0..3 {
+            plane = row(a, b).mul_add(Q::splat(stencils.weights[1 % D][b][i]), plane);
+        }
+        sum = plane.mul_add(Q::splat(stencils.weights[0][a][i]), sum);
+    }
+    let last = &stencils.weights[D - 1];
+    let along = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
+    sum.mul(along)
+}
+
 /// Weighted sum of three for one lane, and that of each times its steps from the first.
 #[inline(always)]
 fn weighted<Q: Quad>(nodes: [Q; 3], weights: &[Lanes; 3], lane: usize) -> (Q, Q) {
@@ -293,17 +437,28 @@ struct Moved {
     outside: bool,
 }
 
-/// Sets velocity and affine matrix, and moves the particles.
+/// Deviations of particles from the grid's velocity before forces.
+#[derive(Clone, Copy)]
+struct Deviating<'a> {
+    /// That velocity in 3D; in 2D it is part of the sums.
+    old: &'a [f32x4; LANES],
+    /// Share that is kept [-].
+    kept: f32,
+}
+
+/// Sets velocity and affine matrix, and moves the particles by the grid's velocity.
 #[inline(always)]
-fn move_block<const D: usize, S: State>(
+fn move_block<const D: usize, S: State, const KEEPS: bool>(
     block: &mut Block<D, S>,
     stencils: &Stencils<D>,
     sums: &Sums,
+    deviating: Deviating<'_>,
     layout: Layout<D>,
     bounds: &Bounds<D>,
     dt: f32,
 ) -> Moved {
     let (dt, per_cell) = (f32x4::splat(dt), f32x4::splat(4.0 / layout.dx()));
+    let kept = f32x4::splat(deviating.kept);
     let mut moved = Moved {
         max_speed_squared: f32x4::ZERO,
         outside: false,
@@ -312,12 +467,22 @@ fn move_block<const D: usize, S: State>(
     // Four particles at a time, from one vector a particle to one vector a component.
     for four in (0..LANES).step_by(4) {
         let v = transposed(|lane| sums.value(lane), four);
+        let before = if KEEPS && D == 3 {
+            transposed(|lane| deviating.old[lane], four)
+        } else {
+            [v[2], v[3], v[2], v[3]]
+        };
         let mut speed_squared = f32x4::ZERO;
         for row in 0..D {
             let x = load(&block.x[row], four) + v[row] * dt;
-            store(&mut block.v[row], four, v[row]);
+            let own = if KEEPS {
+                v[row] + (load(&block.v[row], four) - before[row]) * kept
+            } else {
+                v[row]
+            };
+            store(&mut block.v[row], four, own);
             store(&mut block.x[row], four, x);
-            speed_squared += v[row] * v[row];
+            speed_squared += own * own;
             // False for NaN.
             inside &= x.simd_ge(f32x4::splat(bounds.walls.lower[row]));
             inside &= x.simd_le(f32x4::splat(bounds.walls.upper[row]));

@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::meeting::Meeting;
 use crate::boundary::{Lines, MaterialFriction, Obstacles, Reactions, WallContact};
-use crate::grid::{CHUNK, FieldMap, FieldWindow, SMALLEST_MASS, Window};
+use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
 
 /// Everything that acts on grid velocities.
@@ -23,7 +23,7 @@ pub struct GridForces<'a, const D: usize> {
 /// where obstacles have some.
 pub fn grid_update<const D: usize>(
     window: &mut Window<'_, D>,
-    mut fields: Option<FieldWindow<'_>>,
+    mut fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     dt: f32,
@@ -33,8 +33,9 @@ pub fn grid_update<const D: usize>(
     run_wide(Accelerate { window, gain });
     let friction = &forces.material_friction;
     if let Some(fields) = &mut fields {
-        run_wide(AccelerateSlots {
+        run_wide(AccelerateSlots::<D> {
             nodes: fields.nodes,
+            old: fields.old,
             gain,
         });
         forces.meeting.resolve::<D>(fields, friction);
@@ -52,7 +53,7 @@ pub fn grid_update<const D: usize>(
 /// Contact on lines along the first axis: with obstacles on lines that begin in some planes of the window.
 pub fn act_across<const D: usize>(
     window: &mut Window<'_, D>,
-    mut fields: Option<FieldWindow<'_>>,
+    mut fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     planes: Range<usize>,
@@ -65,7 +66,7 @@ pub fn act_across<const D: usize>(
 /// Contact with walls, with those across the first axis, the others, or one after the other.
 pub fn act_by_walls<const D: usize>(
     window: &mut Window<'_, D>,
-    fields: Option<FieldWindow<'_>>,
+    fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
     across_first: &[bool],
@@ -101,7 +102,7 @@ pub fn act_by_walls<const D: usize>(
 }
 
 /// Exchanges the nodes of a slot with those of the grid.
-fn swap<const D: usize>(window: &mut Window<'_, D>, fields: &mut FieldWindow<'_>, slot: usize) {
+fn swap<const D: usize>(window: &mut Window<'_, D>, fields: &mut FieldWindow<'_, D>, slot: usize) {
     let at = fields.slots[slot].chunk as usize * CHUNK - window.first;
     let (on_grid, mine) = (at..at + CHUNK, slot * CHUNK..(slot + 1) * CHUNK);
     window.nodes[on_grid.clone()].swap_with_slice(&mut fields.nodes[mine.clone()]);
@@ -126,6 +127,7 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
             layout,
             first,
             nodes,
+            old,
             dirty,
             ..
         } = self.window;
@@ -134,7 +136,12 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
             for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
                 // Most nodes around spray are empty; their velocity is not read.
                 if dirty[chunk] {
-                    accelerate::<Q>(&mut nodes[chunk * CHUNK..(chunk + 1) * CHUNK], self.gain);
+                    let nodes = &mut nodes[chunk * CHUNK..(chunk + 1) * CHUNK];
+                    if !old.is_empty() {
+                        let numbers = CHUNK * Layout::<D>::OLD;
+                        divide::<Q, D>(&mut old[chunk * numbers..(chunk + 1) * numbers], nodes);
+                    }
+                    accelerate::<Q>(nodes, self.gain);
                 }
             }
         }
@@ -142,17 +149,41 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
 }
 
 /// The same for all nodes of slots.
-struct AccelerateSlots<'a> {
+struct AccelerateSlots<'a, const D: usize> {
     nodes: &'a mut [f32x4],
+    old: &'a mut [f32],
     gain: f32x4,
 }
 
-impl Kernel for AccelerateSlots<'_> {
+impl<const D: usize> Kernel for AccelerateSlots<'_, D> {
     type Output = ();
 
     #[inline(always)]
     fn run<Q: Quad>(self) {
+        if !self.old.is_empty() {
+            divide::<Q, D>(self.old, self.nodes);
+        }
         accelerate::<Q>(self.nodes, self.gain);
+    }
+}
+
+/// Divides momentum before forces by the masses of nodes.
+#[inline(always)]
+fn divide<Q: Quad, const D: usize>(old: &mut [f32], nodes: &[f32x4]) {
+    if D == 2 {
+        for (momentum, node) in old.iter_mut().zip(nodes) {
+            *momentum *= 1.0 / node.as_array()[3].max(SMALLEST_MASS);
+        }
+    } else {
+        let (sixteens, _) = old.as_chunks_mut::<16>();
+        let (fours, _) = nodes.as_chunks::<4>();
+        for (momenta, four) in sixteens.iter_mut().zip(fours) {
+            let mass = Q::load(four).last_numbers().max(Q::splat(SMALLEST_MASS));
+            let velocities = Q::splat(1.0).div(mass).mul(Q::of_numbers(momenta)).store();
+            for (numbers, velocity) in momenta.as_chunks_mut::<4>().0.iter_mut().zip(velocities) {
+                *numbers = velocity.to_array();
+            }
+        }
     }
 }
 

@@ -75,7 +75,7 @@ impl Meeting {
     /// Changes the velocities of the nodes of some planes.
     pub fn resolve<const D: usize>(
         &self,
-        fields: &mut FieldWindow<'_>,
+        fields: &mut FieldWindow<'_, D>,
         wall_friction: &MaterialFriction,
     ) {
         for first in 0..fields.slots.len() {
@@ -95,7 +95,7 @@ impl Meeting {
     /// The same for one node of two fields, whose numbers are in ascending order.
     fn resolve_node<const D: usize>(
         &self,
-        fields: &mut FieldWindow<'_>,
+        fields: &mut FieldWindow<'_, D>,
         nodes: [usize; 2],
         of: [u16; 2],
         wall_friction: &MaterialFriction,
@@ -161,7 +161,11 @@ fn gap(fill: f32) -> f32 {
 }
 
 /// Finds the gradients of mass at the nodes of slots that several fields reach [kg/cell].
-pub fn find_slopes<const D: usize>(slopes: Slopes<'_>, grid: View<'_, D>, fields: FieldView<'_>) {
+pub fn find_slopes<const D: usize>(
+    slopes: Slopes<'_>,
+    grid: View<'_, D>,
+    fields: FieldView<'_, D>,
+) {
     let Slopes { slots, values } = slopes;
     let mut first = 0;
     let chunks_along = |axis: usize| grid.layout.stride(axis) / CHUNK;

@@ -1,6 +1,7 @@
 //! Particles to grid (Hu et al. 2018, eq. 16-19; APIC by Jiang et al. 2015).
 //!
-//! Node i receives w_ip (m v + A (x_i - x_p)) with A = m C - dt V_0 (4 / dx^2) tau, and w_ip m.
+//! Node i receives w_ip (m v + A (x_i - x_p)) with A = m C - dt V_0 (4 / dx^2) tau, and w_ip m. Where velocities before
+//! forces are kept, it also receives the same without tau.
 
 use wide::f32x4;
 
@@ -19,8 +20,8 @@ pub struct P2gStep<'a, const D: usize> {
 }
 
 /// Slots that a group writes to, and its field.
-pub struct Own<'a, 'f> {
-    pub fields: &'a mut FieldWindow<'f>,
+pub struct Own<'a, 'f, const D: usize> {
+    pub fields: &'a mut FieldWindow<'f, D>,
     pub field: u16,
 }
 
@@ -30,18 +31,42 @@ pub fn p2g<const D: usize, M: Constitutive<D>>(
     material: &M,
     friction: f32,
     window: &mut Window<'_, D>,
-    own: Option<Own<'_, '_>>,
+    own: Option<Own<'_, '_, D>>,
+    step: P2gStep<'_, D>,
+) {
+    let mut own = own;
+    if window.old.is_empty() {
+        scatter::<D, M, false>(blocks, material, window, own.as_mut(), step);
+    } else {
+        scatter::<D, M, true>(blocks, material, window, own.as_mut(), step);
+    }
+    if let Some(own) = &mut own
+        && !own.fields.volume.is_empty()
+    {
+        scatter_volume(blocks, &window.layout, own);
+    }
+    if !window.friction_mass.is_empty() {
+        scatter_friction(blocks, friction, window, own);
+    }
+}
+
+/// `KEEPS` whether the momentum before forces is summed up, too.
+fn scatter<const D: usize, M: Constitutive<D>, const KEEPS: bool>(
+    blocks: &[Block<D, M::State>],
+    material: &M,
+    window: &mut Window<'_, D>,
+    own: Option<&mut Own<'_, '_, D>>,
     step: P2gStep<'_, D>,
 ) {
     let (layout, first) = (window.layout, window.first);
     let grid = GridNodes {
         nodes: &mut *window.nodes,
+        old: &mut *window.old,
         dirty: &mut *window.dirty,
     };
-    let mut own = own;
-    if let Some(own) = &mut own {
+    if let Some(own) = own {
         let sink = OwnNodes { grid, first, own };
-        run_wide(Scatter {
+        run_wide(Scatter::<_, _, _, KEEPS> {
             blocks,
             material,
             layout,
@@ -50,7 +75,7 @@ pub fn p2g<const D: usize, M: Constitutive<D>>(
             sink,
         });
     } else {
-        run_wide(Scatter {
+        run_wide(Scatter::<_, _, _, KEEPS> {
             blocks,
             material,
             layout,
@@ -59,18 +84,10 @@ pub fn p2g<const D: usize, M: Constitutive<D>>(
             sink: grid,
         });
     }
-    if let Some(own) = &mut own
-        && !own.fields.volume.is_empty()
-    {
-        scatter_volume(blocks, &layout, own);
-    }
-    if !window.friction_mass.is_empty() {
-        scatter_friction(blocks, friction, window, own);
-    }
 }
 
 /// The blocks of one group in one slab.
-struct Scatter<'a, const D: usize, M: Constitutive<D>, S> {
+struct Scatter<'a, const D: usize, M: Constitutive<D>, S, const KEEPS: bool> {
     blocks: &'a [Block<D, M::State>],
     material: &'a M,
     layout: Layout<D>,
@@ -80,44 +97,73 @@ struct Scatter<'a, const D: usize, M: Constitutive<D>, S> {
     sink: S,
 }
 
+/// Steps from the lowest node of each along a row.
+const STEPS: [f32; 4] = [0.0, 1.0, 2.0, 0.0];
+
 /// Contribution of a particle to its nodes, in lanes of momentum and mass.
 struct Shares<const D: usize> {
     /// The lowest node at weight one.
     lowest: [[f32; 4]; LANES],
     /// Difference of the contributions to neighbouring nodes along each axis.
     per_step: [[[f32; 4]; LANES]; D],
+    /// The same of momentum before forces; in 2D its first component is the third number of those above.
+    old: OldShares<D>,
+}
+
+/// Contribution of a particle to the momentum before forces of its nodes, as in `Shares`.
+struct OldShares<const D: usize> {
+    /// The second component in 2D.
+    lowest: Lanes,
+    per_step: [Lanes; D],
+    /// All components in 3D.
+    lowest_3d: [[f32; 4]; LANES],
+    per_step_3d: [[[f32; 4]; LANES]; D],
 }
 
 /// Nodes that sums of cells are added to.
 trait Sink<const D: usize> {
-    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>);
+    fn take<Q: Quad, const KEEPS: bool>(
+        &mut self,
+        sums: &mut CellSums<Q, D, KEEPS>,
+        layout: &Layout<D>,
+    );
 }
 
 /// The nodes of the grid alone.
 struct GridNodes<'a> {
     nodes: &'a mut [f32x4],
+    /// See `Grid`.
+    old: &'a mut [f32],
     /// Marks of the chunks that are written to.
     dirty: &'a mut [bool],
 }
 
 impl<const D: usize> Sink<D> for GridNodes<'_> {
     #[inline(always)]
-    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>) {
-        sums.flush(self.nodes, self.dirty, layout);
+    fn take<Q: Quad, const KEEPS: bool>(
+        &mut self,
+        sums: &mut CellSums<Q, D, KEEPS>,
+        layout: &Layout<D>,
+    ) {
+        sums.flush(self, layout);
     }
 }
 
 /// The nodes of the grid, and the slots of one field where there are some.
-struct OwnNodes<'a, 'o, 'w, 'f> {
+struct OwnNodes<'a, 'o, 'w, 'f, const D: usize> {
     grid: GridNodes<'a>,
     /// Memory index of the first node.
     first: usize,
-    own: &'o mut Own<'w, 'f>,
+    own: &'o mut Own<'w, 'f, D>,
 }
 
-impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_> {
+impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_, D> {
     #[inline(always)]
-    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>) {
+    fn take<Q: Quad, const KEEPS: bool>(
+        &mut self,
+        sums: &mut CellSums<Q, D, KEEPS>,
+        layout: &Layout<D>,
+    ) {
         if sums.start == usize::MAX || !self.own.fields.near(self.first + sums.start) {
             return self.grid.take(sums, layout);
         }
@@ -126,23 +172,21 @@ impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_> {
     }
 }
 
-impl OwnNodes<'_, '_, '_, '_> {
+impl<const D: usize> OwnNodes<'_, '_, '_, '_, D> {
     #[inline(never)]
-    fn add<const D: usize>(
-        &mut self,
-        start: usize,
-        rows: &[[[f32x4; 4]; 3]; 3],
-        layout: &Layout<D>,
-    ) {
+    fn add(&mut self, start: usize, sums: &[[RowSums; 3]; 3], layout: &Layout<D>) {
         for_each_row::<D>(|a, b| {
             let begin = start + layout.stencil_row([a, b]);
             let places = self.own.fields.places(self.first + begin, self.own.field);
+            let of_row = &sums[a][b];
             for step in 0..3 {
                 if let Some(place) = places[step] {
-                    self.own.fields.nodes[place] += rows[a][b][step];
+                    self.own.fields.nodes[place] += of_row.nodes[step];
+                    of_row.add_old::<D>(step, place, self.own.fields.old);
                 } else {
                     let node = begin + step;
-                    self.grid.nodes[node] += rows[a][b][step];
+                    self.grid.nodes[node] += of_row.nodes[step];
+                    of_row.add_old::<D>(step, node, self.grid.old);
                     self.grid.dirty[node / CHUNK] = true;
                 }
             }
@@ -150,12 +194,14 @@ impl OwnNodes<'_, '_, '_, '_> {
     }
 }
 
-impl<const D: usize, M: Constitutive<D>, S: Sink<D>> Kernel for Scatter<'_, D, M, S> {
+impl<const D: usize, M: Constitutive<D>, S: Sink<D>, const KEEPS: bool> Kernel
+    for Scatter<'_, D, M, S, KEEPS>
+{
     type Output = ();
 
     #[inline(always)]
     fn run<Q: Quad>(mut self) {
-        let mut sums = CellSums::<Q, D>::new();
+        let mut sums = CellSums::<Q, D, KEEPS>::new();
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.layout);
             let shares = self.shares(block, &stencils);
@@ -173,19 +219,48 @@ impl<const D: usize, M: Constitutive<D>, S: Sink<D>> Kernel for Scatter<'_, D, M
 }
 
 /// Contributions of consecutive particles with the same stencil to its nodes.
-struct CellSums<Q: Quad, const D: usize> {
+struct CellSums<Q: Quad, const D: usize, const KEEPS: bool> {
     /// Lowest node of the stencil; none before the first particle.
     start: usize,
-    /// The rows of the stencil, by their steps along the first axes.
+    /// The rows of the stencil, by their steps along the first axes. In 2D the last node, which no stencil reaches, has the
+    /// second components of momentum before forces at the others.
     rows: [[Q; 3]; 3],
+    /// The same of momentum before forces in 3D.
+    old: [[Q; 3]; 3],
 }
 
-impl<Q: Quad, const D: usize> CellSums<Q, D> {
+/// The sums of the nodes of a row.
+#[derive(Clone, Copy)]
+struct RowSums {
+    nodes: [f32x4; 4],
+    old: [f32x4; 4],
+}
+
+impl RowSums {
+    /// Adds the momentum before forces of a node of the row to those of many nodes, where these have some.
+    #[inline(always)]
+    fn add_old<const D: usize>(&self, step: usize, place: usize, old: &mut [f32]) {
+        if old.is_empty() {
+            return;
+        }
+        if D == 2 {
+            old[place] += self.nodes[3].as_array()[step];
+        } else {
+            let of_node: &mut [f32; 4] = (&mut old[4 * place..4 * place + 4])
+                .try_into()
+                .expect("four numbers");
+            *of_node = (f32x4::from(*of_node) + self.old[step]).to_array();
+        }
+    }
+}
+
+impl<Q: Quad, const D: usize, const KEEPS: bool> CellSums<Q, D, KEEPS> {
     #[inline(always)]
     fn new() -> Self {
         Self {
             start: usize::MAX,
             rows: [[Q::zero(); 3]; 3],
+            old: [[Q::zero(); 3]; 3],
         }
     }
 
@@ -193,10 +268,22 @@ impl<Q: Quad, const D: usize> CellSums<Q, D> {
     fn add(&mut self, stencils: &Stencils<D>, shares: &Shares<D>, i: usize) {
         // By index: copies of whole arrays would be stored and waited for.
         let last = &stencils.weights[D - 1];
-        let last = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
-        let per_step = |axis: usize| Q::repeat(f32x4::from(shares.per_step[axis][i]));
-        let steps = Q::of_nodes([0.0, 1.0, 2.0, 0.0]);
-        let lowest = Q::repeat(f32x4::from(shares.lowest[i]));
+        let along = [last[0][i], last[1][i], last[2][i], 0.0];
+        let (mut last, mut steps) = (Q::of_nodes(along), Q::of_nodes(STEPS));
+        if KEEPS && D == 2 {
+            last = last.with_last_node(f32x4::from(along));
+            steps = steps.with_last_node(f32x4::from(STEPS));
+        }
+        let quad = |numbers: [f32; 4], second_old: f32| {
+            let quad = Q::repeat(f32x4::from(numbers));
+            if KEEPS && D == 2 {
+                quad.with_last_node(f32x4::splat(second_old))
+            } else {
+                quad
+            }
+        };
+        let per_step = |axis: usize| quad(shares.per_step[axis][i], shares.old.per_step[axis][i]);
+        let lowest = quad(shares.lowest[i], shares.old.lowest[i]);
         // Along the row all is weighted at once.
         let mut value = per_step(D - 1).mul_add(steps, lowest).mul(last);
         let along_first = per_step(0).mul(last);
@@ -215,25 +302,69 @@ impl<Q: Quad, const D: usize> CellSums<Q, D> {
             }
             value = value.add(along_first);
         }
+        if KEEPS && D == 3 {
+            self.add_old(stencils, shares, i);
+        }
+    }
+
+    /// Momentum before forces in 3D.
+    #[inline(always)]
+    fn add_old(&mut self, stencils: &Stencils<D>, shares: &Shares<D>, i: usize) {
+        let last = &stencils.weights[D - 1];
+        let last = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
+        let per_step = |axis: usize| Q::repeat(f32x4::from(shares.old.per_step_3d[axis][i]));
+        let steps = Q::of_nodes(STEPS);
+        let lowest = Q::repeat(f32x4::from(shares.old.lowest_3d[i]));
+        let mut value = per_step(D - 1).mul_add(steps, lowest).mul(last);
+        let along_first = per_step(0).mul(last);
+        let along_second = per_step(1 % D).mul(last);
+        for a in 0..3 {
+            let weight = Q::splat(stencils.weights[0][a][i]);
+            let (mut of_row, step) = (value.mul(weight), along_second.mul(weight));
+            for b in 0..3 {
+                let weight = Q::splat(stencils.weights[1][b][i]);
+                self.old[a][b] = of_row.mul_add(weight, self.old[a][b]);
+                of_row = of_row.add(step);
+            }
+            value = value.add(along_first);
+        }
     }
 
     /// The sums of each node, which start anew. By index: closures would not be compiled for wide vectors.
     #[inline(always)]
-    fn taken(&mut self) -> [[[f32x4; 4]; 3]; 3] {
-        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
+    fn taken(&mut self) -> [[RowSums; 3]; 3] {
+        let empty = RowSums {
+            nodes: [f32x4::ZERO; 4],
+            old: [f32x4::ZERO; 4],
+        };
+        let mut rows = [[empty; 3]; 3];
         for a in 0..3 {
             for b in 0..if D == 3 { 3 } else { 1 } {
-                rows[a][b] = self.rows[a][b].store();
-                self.rows[a][b] = Q::zero();
+                rows[a][b] = self.take_row(a, b);
             }
         }
         rows
     }
 
+    /// The sums of a row, which start anew.
+    #[inline(always)]
+    fn take_row(&mut self, a: usize, b: usize) -> RowSums {
+        let sums = RowSums {
+            nodes: self.rows[a][b].store(),
+            old: self.old[a][b].store(),
+        };
+        self.rows[a][b] = Q::zero();
+        if KEEPS && D == 3 {
+            self.old[a][b] = Q::zero();
+        }
+        sums
+    }
+
     /// Adds the sums to the nodes. Node by node: a wide load would have to wait for the narrower or shifted stores of the
     /// neighbouring cell.
     #[inline(always)]
-    fn flush(&mut self, nodes: &mut [f32x4], dirty: &mut [bool], layout: &Layout<D>) {
+    fn flush(&mut self, grid: &mut GridNodes<'_>, layout: &Layout<D>) {
+        let GridNodes { nodes, old, dirty } = grid;
         if self.start == usize::MAX {
             return;
         }
@@ -243,19 +374,34 @@ impl<Q: Quad, const D: usize> CellSums<Q, D> {
                 let row: &mut [f32x4; 3] = (&mut nodes[begin..begin + 3])
                     .try_into()
                     .expect("three nodes");
-                let sums = self.rows[a][b].store();
+                let sums = self.take_row(a, b);
                 for step in 0..3 {
-                    row[step] += sums[step];
+                    row[step] += sums.nodes[step];
+                }
+                if KEEPS && D == 2 {
+                    let old: &mut [f32; 3] = (&mut old[begin..begin + 3])
+                        .try_into()
+                        .expect("three numbers");
+                    let sums = sums.nodes[3].as_array();
+                    for step in 0..3 {
+                        old[step] += sums[step];
+                    }
+                } else if KEEPS {
+                    let old: &mut [f32; 12] = (&mut old[4 * begin..4 * begin + 12])
+                        .try_into()
+                        .expect("three times four numbers");
+                    for (numbers, sums) in old.as_chunks_mut::<4>().0.iter_mut().zip(sums.old) {
+                        *numbers = (f32x4::from(*numbers) + sums).to_array();
+                    }
                 }
                 dirty[begin / CHUNK] = true;
                 dirty[(begin + 2) / CHUNK] = true;
-                self.rows[a][b] = Q::zero();
             }
         }
     }
 }
 
-impl<const D: usize, M: Constitutive<D>, S> Scatter<'_, D, M, S> {
+impl<const D: usize, M: Constitutive<D>, S, const KEEPS: bool> Scatter<'_, D, M, S, KEEPS> {
     #[inline(always)]
     fn shares(&self, block: &Block<D, M::State>, stencils: &Stencils<D>) -> Shares<D> {
         let dx = self.layout.dx();
@@ -265,27 +411,48 @@ impl<const D: usize, M: Constitutive<D>, S> Scatter<'_, D, M, S> {
         let mut shares = Shares {
             lowest: [[0.0; 4]; LANES],
             per_step: [[[0.0; 4]; LANES]; D],
+            old: OldShares {
+                lowest: [0.0; LANES],
+                per_step: [[0.0; LANES]; D],
+                lowest_3d: [[0.0; 4]; LANES],
+                per_step_3d: [[[0.0; 4]; LANES]; D],
+            },
         };
         for i in 0..LANES {
             let mass = block.mass[i];
             let (inertia, tension) = (mass * dx, stress_factor * block.volume[i]);
-            let mut lowest = [0.0; 4];
+            let (mut lowest, mut old_lowest) = ([0.0; 4], [0.0; 4]);
             for row in 0..D {
                 lowest[row] = mass * v[row][i];
+                old_lowest[row] = mass * block.v[row][i];
             }
             lowest[3] = mass;
             for axis in 0..D {
-                let mut step = [0.0; 4];
+                let (mut step, mut old_step) = ([0.0; 4], [0.0; 4]);
                 for row in 0..D {
                     let tau = if row == axis {
                         stress.diagonal[row][i]
                     } else {
                         stress.shear[shear_index::<D>(row, axis)][i]
                     };
-                    step[row] = block.affine[row][axis][i] * inertia + tau * tension;
+                    old_step[row] = block.affine[row][axis][i] * inertia;
+                    step[row] = old_step[row] + tau * tension;
                     lowest[row] -= step[row] * stencils.offset[axis][i];
+                    old_lowest[row] -= old_step[row] * stencils.offset[axis][i];
+                }
+                if KEEPS && D == 2 {
+                    step[2] = old_step[0];
+                    shares.old.per_step[axis][i] = old_step[1];
+                } else if KEEPS {
+                    shares.old.per_step_3d[axis][i] = old_step;
                 }
                 shares.per_step[axis][i] = step;
+            }
+            if KEEPS && D == 2 {
+                lowest[2] = old_lowest[0];
+                shares.old.lowest[i] = old_lowest[1];
+            } else if KEEPS {
+                shares.old.lowest_3d[i] = old_lowest;
             }
             shares.lowest[i] = lowest;
         }
@@ -352,7 +519,7 @@ fn scatter_friction<const D: usize, S: State>(
     blocks: &[Block<D, S>],
     friction: f32,
     window: &mut Window<'_, D>,
-    mut own: Option<Own<'_, '_>>,
+    mut own: Option<Own<'_, '_, D>>,
 ) {
     if friction <= 0.0 {
         return;
@@ -383,7 +550,7 @@ fn scatter_friction<const D: usize, S: State>(
 fn scatter_volume<const D: usize, S: State>(
     blocks: &[Block<D, S>],
     layout: &Layout<D>,
-    own: &mut Own<'_, '_>,
+    own: &mut Own<'_, '_, D>,
 ) {
     for_each_row_of(blocks, layout, |block, i, begin, of_row, along| {
         let places = own.fields.places(begin, own.field);

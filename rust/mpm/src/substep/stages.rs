@@ -3,12 +3,13 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::g2p::{Nodes, Outcome, OwnView, Solids, g2p};
+use super::g2p::{Nodes, Outcome, OwnView, Solids, Time, g2p};
 use super::grid_update::{GridForces, act_across, act_by_walls, grid_update};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
 use crate::boundary::{Bounds, Reactions};
 use crate::grid::{FieldView, FieldWindow, Grid, View, Window};
+use crate::linalg::exp;
 use crate::material::Constitutive;
 use crate::particles::{
     COLOURS, CutGroup, MaterialGroup, Slab, bands, fresh_planes, unlocked, with_group,
@@ -77,14 +78,31 @@ impl Interruption {
     }
 }
 
+/// Largest exponent of what is lost in a substep, for which `exp` is exact.
+const MOST_LOST: f32 = 80.0;
+/// Smaller shares of a deviation are not kept.
+const SMALLEST_SHARE: f32 = 1.0e-6;
+
 /// Inputs of a substep besides particles and grid.
 pub struct Substep<'a, const D: usize> {
     pub step: P2gStep<'a, D>,
     pub forces: GridForces<'a, D>,
     pub bounds: &'a Bounds<D>,
+    /// Rate at which particles lose their deviations from the grid [1/s], where velocities before forces are kept.
+    pub transfer_loss: f32,
 }
 
 impl<const D: usize> Substep<'_, D> {
+    fn time(&self) -> Time {
+        let dt = self.step.dt;
+        let kept = exp(-(self.transfer_loss * dt).min(MOST_LOST));
+        Time {
+            dt,
+            // Smaller shares would lead to subnormal numbers, which are slow.
+            kept: if kept > SMALLEST_SHARE { kept } else { 0.0 },
+        }
+    }
+
     /// Runs consecutive stages on sorted particles and the grid.
     ///
     /// A slab enters a stage when it and its two neighbours have finished the one before: it touches planes of these only.
@@ -210,7 +228,7 @@ trait Cut<const D: usize>: Sync {
         &self,
         slab: usize,
         window: &mut Window<'_, D>,
-        fields: Option<&mut FieldWindow<'_>>,
+        fields: Option<&mut FieldWindow<'_, D>>,
         step: P2gStep<'_, D>,
     );
     /// For one of `parts` parts of the slab.
@@ -219,7 +237,7 @@ trait Cut<const D: usize>: Sync {
         slab: usize,
         part: (usize, usize),
         grid: View<'_, D>,
-        fields: Option<FieldView<'_>>,
+        fields: Option<FieldView<'_, D>>,
         substep: &Substep<'_, D>,
         reactions: &mut Reactions<D>,
     ) -> Outcome;
@@ -234,7 +252,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         &self,
         slab: usize,
         window: &mut Window<'_, D>,
-        mut fields: Option<&mut FieldWindow<'_>>,
+        mut fields: Option<&mut FieldWindow<'_, D>>,
         step: P2gStep<'_, D>,
     ) {
         for blocks in [&**self.awake(slab), self.border(slab)] {
@@ -251,7 +269,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         slab: usize,
         (part, parts): (usize, usize),
         grid: View<'_, D>,
-        fields: Option<FieldView<'_>>,
+        fields: Option<FieldView<'_, D>>,
         substep: &Substep<'_, D>,
         reactions: &mut Reactions<D>,
     ) -> Outcome {
@@ -275,7 +293,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
             Nodes { grid, own },
             solids,
             reactions,
-            substep.step.dt,
+            substep.time(),
         )
     }
 }

@@ -111,13 +111,16 @@ fn assert_equal(before: &Totals, after: &Totals) {
 }
 
 /// Particles after P2G, and after G2P, away from walls, without gravity and in no time.
-fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
+fn there_and_back<const D: usize>(particles: &Set<D>, keeps: bool) -> (Grid<D>, Set<D>) {
     let contact = Contact {
         kind: ContactKind::Separating,
         friction: None,
     };
     let walls = Walls::uniform(Vector::zeros(), Vector::from_element(1.0), contact);
     let mut grid = Grid::<D>::new(Layout::unit(RESOLUTION), false);
+    if keeps {
+        grid.keep_old();
+    }
     let layout = grid.layout;
     let water = Water {
         bulk_modulus: 1.0e5,
@@ -145,6 +148,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
             meeting: &Meeting::new(&groups, &[1.0], 1.0, None),
         },
         bounds: &Bounds::new(walls, &Vector::zeros(), &layout),
+        transfer_loss: 0.0,
     };
     let mut sums = vec![Reactions::none(0); slabs.len()];
     substep.run(
@@ -187,16 +191,25 @@ fn sets<const D: usize>() -> impl Strategy<Value = Set<D>> {
 
 fn check_conservation<const D: usize>(particles: &Set<D>) {
     let before = totals(particles);
-    let (grid, after) = there_and_back(particles);
+    let (grid, after) = there_and_back(particles, false);
     assert_equal(&before, &grid_totals(&grid));
     assert_equal(&before, &totals(&after));
+}
+
+/// In no time and without forces nothing is lost.
+fn check_velocities<const D: usize>(particles: &Set<D>) {
+    let (_, mut after) = there_and_back(particles, true);
+    after.sort_by_key(|p| p.id);
+    for (p, q) in particles.iter().zip(&after) {
+        assert!((p.v - q.v).amax() < 1.0e-4, "{p:?} {q:?}");
+    }
 }
 
 fn check_affine_field<const D: usize>(mut particles: Set<D>, gradient: Matrix<D>) {
     for p in &mut particles {
         (p.v, p.affine) = (gradient * p.x, gradient);
     }
-    let (_, after) = there_and_back(&particles);
+    let (_, after) = there_and_back(&particles, false);
     for p in after {
         assert!(
             (p.v - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
@@ -220,6 +233,12 @@ proptest! {
 }
 
 proptest! {
+    #[test]
+    fn velocities_that_are_kept_are_the_same(plane in sets::<2>(), space in sets::<3>()) {
+        check_velocities(&plane);
+        check_velocities(&space);
+    }
+
     #[test]
     fn affine_velocity_fields_survive(
         plane in sets::<2>(), space in sets::<3>(), g in prop::collection::vec(-10.0f32..10.0, 9),

@@ -113,7 +113,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
     fn run<Q: Quad>(self) {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
-            let sums = gather::<Q, D>(self.grid, &stencils, block.count.min(LANES));
+            let sums = gather::<Q, D, false>(self.grid, &stencils, block.count.min(LANES));
             let (room, centre) = self.room.smooth.at(&stencils);
             let (crowding_lane, crowding_room) = if self.material.crowds_within_cells() {
                 (VOLUME, self.room.fine.at(&stencils).0)

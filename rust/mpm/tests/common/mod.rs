@@ -37,6 +37,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         gravity: Vector::from_fn(|axis, _| if axis == 1 { -GRAVITY } else { 0.0 }),
         walls,
         contact_friction: None,
+        transfer_loss: None,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
         openings: Openings::NONE,
