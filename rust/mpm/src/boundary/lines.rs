@@ -4,6 +4,7 @@
 //! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
 //! cell, and would let material at rest sink.
 
+use super::contact::ContactKind;
 use super::motion::Pose;
 use super::node::MaterialFriction;
 use super::obstacle::Obstacle;
@@ -184,10 +185,26 @@ impl<const D: usize> Line<D> {
         solids: &Solids<'_, D>,
         friction: impl Fn(f32) -> f32,
     ) -> Option<(Vector<D>, f64)> {
-        let mass = nodes.map(|node| node[3]);
+        let mut mass = nodes.map(|node| node[3]);
         let touching = self.touching[usize::from(is_elastic)];
         if mass[1] <= SMALLEST_MASS || mass[1] < touching * mass[2] {
             return None;
+        }
+        let pose = solids.pose(self.obstacle as usize);
+        let surface = pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
+        let contact = solids.list[self.obstacle as usize].contact;
+        let mut impulse = Vector::<D>::zeros();
+        let is_light = mass[0] * self.weights[1] < mass[1] * self.weights[0];
+        if contact.kind != ContactKind::Separating && is_light && mass[0] > SMALLEST_MASS {
+            // An outer node that is lighter than its weight would take most of the change, and material would creep off by a
+            // quarter of a cell before it is held. It stays with the surface, as an empty one does.
+            let v = Vector::from_fn(|axis, _| nodes[0][axis]);
+            let gain = contact.resolve(&(v - surface), &self.normal, 0.0) + surface - v;
+            for axis in 0..D {
+                nodes[0][axis] += gain[axis];
+            }
+            impulse = gain * mass[0];
+            mass[0] = 0.0;
         }
         let (mut mobility, mut total, mut missing) = ([0.0; 3], 0.0, 0.0);
         let mut u = Vector::<D>::zeros();
@@ -201,15 +218,11 @@ impl<const D: usize> Line<D> {
                 missing += weight;
             }
         }
-        let pose = solids.pose(self.obstacle as usize);
-        let surface = pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
         // Where a node is empty, the surface moves as it does.
         u += surface * missing;
-        let contact = solids.list[self.obstacle as usize].contact;
         let relative = u - surface;
         let after = contact.resolve(&relative, &self.normal, friction(mass[1]));
         let change = (after - relative) / total;
-        let mut impulse = Vector::<D>::zeros();
         for k in 0..3 {
             for axis in 0..D {
                 let gain = change[axis] * mobility[k];
