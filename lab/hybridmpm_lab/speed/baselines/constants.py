@@ -12,6 +12,8 @@ _Floats = npt.NDArray[np.float32]
 
 SMALLEST_STRETCH = 1.0e-4
 """Smallest stretch of sand, the same as in our solver: its logarithm stays finite."""
+LOSS = 5.0
+"""Compression that sand gives up over its expansion beyond slow flow, the same as in our solver."""
 
 
 class Constants:
@@ -48,7 +50,7 @@ class Constants:
             raise ConfigError("plain solvers take walls three cells or more inside the world box")
         self.friction = material.wall_friction if scene.walls.friction is None else scene.walls.friction
         self.water = isinstance(material, Water)
-        self.bulk_modulus = self.tension = self.mu = self.lam = self.alpha = 0.0
+        self.bulk_modulus = self.tension = self.mu = self.lam = self.alpha = self.slow = 0.0
         self.volume_correction = material.volume_correction
         if isinstance(material, Water):
             self.bulk_modulus, self.tension = material.stiffness(scene.potential_drop), material.tension
@@ -58,6 +60,9 @@ class Constants:
             self.mu, self.lam = e / (2 * (1 + nu)), e * nu / ((1 + nu) * (1 - 2 * nu))
             # Yield surface of Drucker-Prager.
             self.alpha = math.sqrt(2 / 3) * 2 * sin / (3 - sin)
+            # Sand that expands faster than this gives up compression for good [1/s].
+            extent = max(np.subtract(scene.walls.upper, scene.walls.lower))
+            self.slow = 2 * math.sqrt(math.hypot(*scene.gravity) / extent)
 
     def sand_state(self, volume_ratio: _Floats) -> tuple[_Floats, _Floats]:
         """Return F (N, D, D) and Kirchhoff stress (N, D, D) [Pa] of sand with these J (N,), without shear."""

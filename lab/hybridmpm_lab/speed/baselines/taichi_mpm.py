@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.scene import Scene
-from hybridmpm_lab.speed.baselines.constants import SMALLEST_STRETCH, Constants
+from hybridmpm_lab.speed.baselines.constants import LOSS, SMALLEST_STRETCH, Constants
 
 # Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
@@ -216,6 +216,8 @@ class Solver(Constants):
             excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self.alpha
             if excess > 0:
                 strain -= deviator * (excess / norm)
+            given_up = LOSS * self.dt * ti.max(self._C[p].trace() - self.slow, 0.0)
+            strain *= ti.min(trace + given_up, 0.0) / trace
         stretch, tau, trace = ti.zero(sigma), ti.zero(sigma), strain.sum()
         for i in ti.static(range(dim)):
             stretch[i, i] = ti.exp(strain[i])

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from hybridmpm_lab.speed.baselines.constants import SMALLEST_STRETCH
+from hybridmpm_lab.speed.baselines.constants import LOSS, SMALLEST_STRETCH
 
 _SMALLEST_STRETCH = wp.constant(SMALLEST_STRETCH)
+_LOSS = wp.constant(LOSS)
 
 
 def kernels(dim: int, *, water: bool) -> SimpleNamespace:
@@ -33,6 +34,7 @@ def kernels(dim: int, *, water: bool) -> SimpleNamespace:
         mu: wp.float32
         lam: wp.float32
         alpha: wp.float32
+        slow: wp.float32
         keeps_volume: wp.int32
 
     @wp.func
@@ -124,7 +126,7 @@ def kernels(dim: int, *, water: bool) -> SimpleNamespace:
             grid_v[node] = v
 
     @wp.func
-    def return_sand(F: mat, gain: float, s: Setting):
+    def return_sand(F: mat, gain: float, rate: float, s: Setting):
         if wp.static(dim == 2):
             U, sigma, V = wp.svd2(F)
         else:
@@ -147,6 +149,8 @@ def kernels(dim: int, *, water: bool) -> SimpleNamespace:
             excess = norm + (float(dim) * s.lam + 2.0 * s.mu) / (2.0 * s.mu) * trace * s.alpha
             if excess > 0.0:
                 strain = strain - deviator * (excess / norm)
+            given_up = _LOSS * s.dt * wp.max(rate - s.slow, 0.0)
+            strain = strain * (wp.min(trace + given_up, 0.0) / trace)
         stretch = vec()
         stress = vec()
         trace = 0.0
@@ -184,7 +188,7 @@ def kernels(dim: int, *, water: bool) -> SimpleNamespace:
             J[p] = J[p] * (1.0 + s.dt * wp.trace(new_C))
         else:
             trial = (wp.identity(n=dim, dtype=float) + new_C * s.dt) * F[p]
-            elastic, stress, gained = return_sand(trial, gain[p], s)
+            elastic, stress, gained = return_sand(trial, gain[p], wp.trace(new_C), s)
             F[p] = elastic
             tau[p] = stress
             gain[p] = gained

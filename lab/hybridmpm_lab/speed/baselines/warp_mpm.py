@@ -44,6 +44,7 @@ class Solver(Constants):
             "mu",
             "lam",
             "alpha",
+            "slow",
         ):
             setattr(s, name, getattr(self, name))
         s.keeps_volume, s.gravity = int(self.volume_correction), made.vec(*scene.gravity)
