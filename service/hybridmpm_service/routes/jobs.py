@@ -42,7 +42,7 @@ _EVENT = {
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 
 
-@router.get("/jobs")
+@router.get("/jobs", responses=problems(422))
 async def list_jobs(jobs: Jobs, peers: OtherNodes, *, here: Here = False) -> JobList:
     """List the jobs, the oldest first; with other nodes, theirs as well."""
     others, missing = ([], []) if here else await peers.rows("jobs")

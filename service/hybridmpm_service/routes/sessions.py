@@ -62,7 +62,7 @@ async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
     return Response(await text_of(sessions.get(session_id), sessions.turns), media_type="application/json")
 
 
-@router.get("")
+@router.get("", responses=problems(422))
 async def list_sessions(sessions: Sessions, peers: OtherNodes, *, here: Here = False) -> SessionList:
     """List the sessions, oldest first; with other nodes, theirs as well."""
     others, missing = ([], []) if here else await peers.rows("sessions")
