@@ -69,7 +69,6 @@ def test_a_page_that_plays_is_written_without_a_run(tmp_path: Path, scene_file: 
     text = page.read_text(encoding="utf-8")
     assert "It &lt;falls&gt;." in text
     scene = ("simulate", "--scene", scene_file)
-    assert_fails(run(*scene, "--out", page, "--coarse", "1/16"), 2, "make the solver without `coarse`")
     assert_fails(run(*scene, "--out", tmp_path / "absent" / "a.html"), 1, "cannot write")
     assert "--text is for a page" in run(*scene, "--text", lesson).stderr
     assert "a page plays MPM alone" in run(*scene, "--budget-ms", 1, "--out", page).stderr

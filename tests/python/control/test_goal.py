@@ -255,7 +255,7 @@ def test_no_free_cell_of_the_region_is_missed(dim: int, fill: Fill, angle: float
 def test_an_arrow_of_any_number_of_bends_has_few_corners() -> None:
     """Timing a way takes time with the square of its corners: minutes, for a scribble of 4096 points."""
     scribble = Arrow(np.random.default_rng(0).uniform(0.15, 0.85, (4096, 2)))
-    path = arrow_path(scribble, 2, _solver().scene.walls)
+    path = arrow_path(scribble, 2, _solver().scene.walls, 1.0)
     assert len(path) <= 72
     np.testing.assert_allclose(path[-1], scribble.points[-1] - scribble.points[0])
     # Those that are kept tell of the scribble's extent.
@@ -307,9 +307,9 @@ def test_a_trembling_straight_stroke_is_straight() -> None:
     rng = np.random.default_rng(5)
     line = np.linspace([0.2, 0.3], [0.6, 0.5], 200) + rng.normal(scale=0.002, size=(200, 2))
     walls = Scene(dim=2, bodies=_solver().scene.bodies).walls
-    assert len(arrow_path(Arrow(line), 2, walls)) == 2
+    assert len(arrow_path(Arrow(line), 2, walls, 1.0)) == 2
     bent = np.concatenate([line, np.linspace(line[-1], [0.6, 0.8], 100)])
-    path = arrow_path(Arrow(bent), 2, walls)
+    path = arrow_path(Arrow(bent), 2, walls, 1.0)
     assert 8 <= len(path) <= 14
     distance = np.linalg.norm(bent[:, None] - bent[0] - path[None], axis=2)
     assert distance.min(axis=0).max() < 0.01

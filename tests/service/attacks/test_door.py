@@ -73,7 +73,7 @@ def test_no_route_takes_a_body_beyond_the_limits(service: Any, method: str, path
         assert "may have at most" in told
 
 
-@pytest.mark.parametrize("path", [path for method, path in ROUTES if method == "GET"])
+@pytest.mark.parametrize("path", [path for method, path in ROUTES if method == "GET" and path != "/metrics"])
 def test_head_is_answered_like_get_without_a_body(service: Any, path: str) -> None:
     get, head = service.http.get(path), service.http.head(path)
     assert (head.status_code, head.content) == (get.status_code, b"")

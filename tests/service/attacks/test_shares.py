@@ -50,7 +50,7 @@ def test_four_hundred_listeners_cost_a_job_one_event_for_each_change(
             async for event in events(job, asyncio.Event()):
                 to.append(event)  # noqa: PERF401 - the job reads it meanwhile
 
-        job = Job("recording", "s", work, tmp_path, lambda: 0.0)
+        job = Job("recording", "s", work, tmp_path, lambda: 0.0, run="")
         while not job.progress.done:  # noqa: ASYNC110 - there is no event
             await asyncio.sleep(0)
         async with asyncio.timeout(WAIT_SECONDS), asyncio.TaskGroup() as group:
