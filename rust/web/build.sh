@@ -20,6 +20,8 @@ for kind in relaxed exact; do
     features=+simd128
     [ $kind = relaxed ] && features=$features,+relaxed-simd
     export RUSTFLAGS="-Zunstable-options -Cpanic=immediate-abort -Cstrip=symbols -Ctarget-feature=$features"
+    # Exact modules are for few browsers, and each page carries both: they are built for size.
+    [ $kind = exact ] && export CARGO_PROFILE_RELEASE_OPT_LEVEL=s
     export CARGO_TARGET_DIR=${WEB_TARGET_DIR:-target/web}/$kind
     for scenes in plane space; do
         flags=()
