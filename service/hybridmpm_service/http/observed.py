@@ -69,6 +69,8 @@ class ObservedMiddleware:
             self._metrics.refusals.labels(answer.kind).inc()
         if _log.isEnabledFor(logging.INFO):
             client = client_of(scope).address
+            # As it was sent: decoded, a path may contain the end of a line.
+            path = scope.get("raw_path", b"").decode("latin-1")
             about = {"client": client, "method": method, "path": path, "status": answer.status}
             about |= {"seconds": round(seconds, 4), "bytes": answer.bytes}
             _log.info("%s %s %s %d %.4f s", client, method, path, answer.status, seconds, extra=about)

@@ -37,7 +37,9 @@ class Peers:
     async def rows(self, kind: str) -> tuple[list[dict[str, Any]], list[str]]:
         """Return the "sessions" or "jobs" of the other nodes, and the names of those that did not answer."""
         found: list[dict[str, Any]] = []
-        missing = []
+        missing: list[str] = []
+        if not self._addresses:
+            return found, missing
         async with httpx.AsyncClient(timeout=_SECONDS, params={"here": "true"}) as client:
             calls = (client.get(f"{address}/v1/{kind}") for address in self._addresses.values())
             answers = await asyncio.gather(*calls, return_exceptions=True)

@@ -120,12 +120,12 @@ def test_each_request_has_a_line_with_its_identifier(
 ) -> None:
     service = start(log_level="info")
     with caplog.at_level(logging.INFO, "hybridmpm_service.access"):
-        service.http.get("/v1/sessions/none", headers={"X-Request-ID": "mine"})
+        service.http.get("/v1/sessions/no%0Ane", headers={"X-Request-ID": "mine"})
         # The line is written after the answer.
         service.stop()
     (record,) = [one for one in caplog.records if one.name == "hybridmpm_service.access"]
     about: dict[str, Any] = vars(record)
-    assert (about["method"], about["path"], about["status"]) == ("GET", "/v1/sessions/none", 404)
+    assert (about["method"], about["path"], about["status"]) == ("GET", "/v1/sessions/no%0Ane", 404)
     assert about["client"] == "127.0.0.1"
     assert about["bytes"] > 0
     assert about["request"] == "mine"
