@@ -39,7 +39,8 @@ LIMITS = {
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
-    "service": (("service/**.py",), 10_440),
+    # 30 lines keep the bytes of streams in order.
+    "service": (("service/**.py",), 10_470),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -55,8 +56,8 @@ LIMITS = {
     # 520 lines play pages and a site in a browser, and hold their bits and readings against the library's.
     # 140 lines make a release and the documentation, and try both; 240 read metrics and call through a proxy;
     # 220 kill, drain and join nodes; 80 run the Python of documents; 240 steer in worlds of any size, and end
-    # builds midway.
-    "tests": (("tests/**.py",), 32_115),
+    # builds midway; 30 keep bytes in order.
+    "tests": (("tests/**.py",), 32_145),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

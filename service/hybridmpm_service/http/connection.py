@@ -387,21 +387,39 @@ class StreamProtocol(WebSocketsSansIOProtocol):
         self.close_timeout = _CLOSE_SECONDS
         self._throttle = Throttle(self.rate, self.burst, time.monotonic)
         self._flooded = False
+        self._unread = bytearray()
 
     def data_received(self, data: bytes) -> None:
         """Read some bytes in turn, in pieces, so that none has frames for long; none after a flood."""
+        waits = bool(self._unread)
+        self._unread += data
+        if not waits:
+            self._await_turn()
+
+    def _await_turn(self) -> None:
+        """Read the next piece when its turn comes; until all pieces are read, nothing new is."""
 
         def read() -> None:
+            piece = bytes(self._unread[:_READ_BYTES])
+            del self._unread[:_READ_BYTES]
             if self._flooded or self.transport.is_closing():
+                self._unread.clear()
                 return
-            super(StreamProtocol, self).data_received(data[:_READ_BYTES])
-            if len(data) > _READ_BYTES:
-                self.data_received(data[_READ_BYTES:])
+            super(StreamProtocol, self).data_received(piece)
+            if self._unread:
+                self._await_turn()
             elif not self.read_paused:
                 self.transport.resume_reading()
 
         if not self.rounds.do(_client(self.client, is_first=False), read):
             self.transport.pause_reading()
+
+    async def receive(self) -> Any:
+        """Return the next message; the end of a full queue resumes no reading while pieces wait."""
+        message = await super().receive()
+        if self._unread:
+            self.transport.pause_reading()
+        return message
 
     def handle_events(self) -> None:
         """Meter what was read, then handle it."""

@@ -5,7 +5,7 @@ import logging
 import re
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from typing import Any
 
@@ -48,11 +48,11 @@ class ObservedMiddleware:
         given = Headers(scope=scope).get(REQUEST_ID, "")
         identifier = given if _ID.fullmatch(given) else uuid.uuid4().hex
         token = _request.set(identifier)
-        answer = _Answer(send, identifier)
+        answer = _Answer(send, identifier, lambda: self._note(scope, answer, time.monotonic() - began))
         try:
             await self._app(scope, receive, answer.send)
         finally:
-            self._note(scope, answer, time.monotonic() - began)
+            answer.end()
             _request.reset(token)
 
     def _note(self, scope: Scope, answer: "_Answer", seconds: float) -> None:
@@ -79,11 +79,17 @@ class ObservedMiddleware:
 class _Answer:
     """What log and metrics need of an answer; its status is 0 if the client goes before it."""
 
-    def __init__(self, send: Send, identifier: str) -> None:
-        self._send, self._identifier = send, identifier
+    def __init__(self, send: Send, identifier: str, note: Callable[[], object]) -> None:
+        self._send, self._identifier, self._note = send, identifier, note
         self.status = self.bytes = 0
         self.kind: str | None = None
-        self._is_problem = False
+        self._is_problem = self._ended = False
+
+    def end(self) -> None:
+        """Note the request, once."""
+        if not self._ended:
+            self._ended = True
+            self._note()
 
     async def send(self, message: Message) -> None:
         """Pass a message on."""
@@ -98,6 +104,9 @@ class _Answer:
             self.bytes += len(body)
             if self._is_problem and body:
                 self.kind = _kind(body)
+            if not message.get("more_body", False):
+                # Before the client has its answer, so that its next request finds this one in the metrics.
+                self.end()
         elif message["type"] == "websocket.accept":
             self.status = 101
         elif message["type"] == "websocket.close" and not self.status:

@@ -4,12 +4,13 @@ import json
 import logging
 import logging.config
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.conftest import Service
+from tests.service.conftest import WAIT_SECONDS, Service
 
 from hybridmpm_service.http.observed import log_config
 
@@ -55,11 +56,15 @@ def test_gauges_follow_sessions_streams_and_frames(start: Callable[..., Service]
         assert found['hybridmpm_sessions{state="playing"}'] == 1
         assert found["hybridmpm_load_cores"] > 0
         assert found["hybridmpm_frame_late_seconds_count"] > 0
-    found = read(service)
+    streams = 'hybridmpm_requests_total{method="STREAM",route="stream",status="101"}'
+    deadline = time.monotonic() + WAIT_SECONDS
+    # A stream counts when the server has seen its end.
+    while streams not in (found := read(service)):
+        assert time.monotonic() < deadline
+    assert found[streams] == 1
     assert found["hybridmpm_ready"] == 1
     assert found["hybridmpm_limit_cores"] == 64
     assert found['hybridmpm_sessions_kept{where="memory"}'] == 2
-    assert found['hybridmpm_requests_total{method="STREAM",route="stream",status="101"}'] == 1
 
 
 def test_the_dashboard_asks_for_metrics_that_exist(service: Service) -> None:

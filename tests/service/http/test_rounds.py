@@ -1,11 +1,15 @@
 """Rounds of the event loop: a piece in each, in turn between addresses and their connections."""
 
 import asyncio
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from tests.service.conftest import until
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from hybridmpm_service.http import rounds as module
+from hybridmpm_service.http.connection import StreamProtocol
 from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.sessions.turns import Client
 
@@ -51,3 +55,33 @@ async def test_a_piece_that_fails_ends_no_other() -> None:
         rounds.do(Client("a"), work)
     await until(lambda: done)
     assert len(faults) == 1
+
+
+async def test_bytes_of_a_stream_are_read_in_order_though_new_ones_come_while_pieces_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Protocol(StreamProtocol):
+        rate, burst = 10.0, 10
+
+        def __init__(self) -> None:
+            self.rounds, self.client = Rounds(), ("a", 1)
+            self._unread, self._flooded, self.read_paused = bytearray(), False, False
+            self.transport: Any = SimpleNamespace(
+                is_closing=lambda: False,
+                pause_reading=lambda: states.append("paused"),
+                resume_reading=lambda: states.append("reads"),
+            )
+
+    states, seen = list[str](), list[bytes]()
+    monkeypatch.setattr(WebSocketsSansIOProtocol, "data_received", lambda _self, data: seen.append(data))
+    protocol = Protocol()
+    sent = [bytes([number]) * size for number, size in enumerate((3000, 10, 2048, 1, 5000))]
+    for data in sent:
+        protocol.data_received(data)
+        assert states[-1] == "paused"
+        await asyncio.sleep(0)
+    total = b"".join(sent)
+    await until(lambda: sum(map(len, seen)) == len(total))
+    assert b"".join(seen) == total
+    assert max(map(len, seen)) <= 1024
+    assert states[-1] == "reads"
