@@ -206,11 +206,36 @@ def test_a_hand_is_as_fast_as_its_latest_samples_in_simulated_time(page: Page) -
     assert _call(page, "sketch/hand.js", "simulated", [3, 4], 0.25) == pytest.approx([3, 4])
 
 
+@pytest.mark.parametrize(
+    ("upper", "aspect"), [([0.9, 0.9], 1), ([1.0, 0.4], 0.97 / 0.37), ([0.2, 1.0], 0.5), ([1.0, 0.14], 3)]
+)
+def test_the_flat_view_is_as_wide_as_its_walls_and_projects_as_its_matrix_says(
+    page: Page, upper: list[float], aspect: float
+) -> None:
+    script = """async ([upper, point]) => {
+      const { FlatView } = await import("/stage/camera.js");
+      const view = new FlatView({ lower: [0.1, 0.1], upper });
+      view.width = 600;
+      const m = view.matrix();
+      const [x, y] = [0, 1].map((row) => m[row] * point[0] + m[4 + row] * point[1] + m[12 + row]);
+      const projected = view.project(point);
+      const screen = [300 * (1 + x), 0.5 * view.height * (1 - y)];
+      return { screen, projected, back: view.unproject(projected[0], projected[1]), height: view.height };
+    }"""
+    for point in ([0.1, 0.1], upper):
+        seen = page.evaluate(script, [upper, point])
+        assert seen["height"] == pytest.approx(600 / aspect)
+        assert seen["projected"][:2] == pytest.approx(seen["screen"], abs=0.01)
+        assert seen["back"] == pytest.approx(point)
+        assert 0 < seen["projected"][0] < 600
+        assert 0 < seen["projected"][1] < seen["height"]
+
+
 def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
     script = """async (point) => {
       const { OrbitView } = await import("/stage/camera.js");
       const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
-      view.size = 500;
+      view.width = 500;
       view.orbit(40, -25);
       const m = view.matrix();
       const clip = [0, 1, 2, 3].map(

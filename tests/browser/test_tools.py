@@ -181,3 +181,36 @@ def _box(element: Locator) -> Rectangle:
     found = element.bounding_box()
     assert found is not None
     return Rectangle(**found)
+
+
+@pytest.mark.parametrize("viewport", [SIZES[0], pytest.param(SIZES[-1], marks=pytest.mark.long)])
+def test_a_tank_is_drawn_and_steered_in_its_own_proportions(
+    open_page: Open, service: LiveService, viewport: ViewportSize
+) -> None:
+    scene = {
+        "dim": 2,
+        "resolution": 40,
+        "world": {"size": [1.6, 0.6]},
+        "walls": {"lower": [0.1, 0.1], "upper": [1.5, 0.5]},
+        "bodies": [{"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.7, 0.3]}],
+    }
+    session = service.post("/v1/sessions", {"scene": scene})["id"]
+    query = f"renderer=canvas2d&session={session}"
+    visit = open_page(query, viewport=viewport, until="body.state === 'live'")
+    box = visit.page.locator("#overlay").bounding_box()
+    across = 1.4 + 2 * 0.035 * 1.6  # walls and the margin of camera.js
+    scale = box["width"] / across
+    assert box["height"] == pytest.approx(scale * (0.4 + 2 * 0.035 * 1.6), abs=1)
+    assert box["width"] > 0.6 * viewport["width"]
+
+    _choose(visit, "Arrow")
+    points = [(0.4, 0.2), (1.2, 0.35)]
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    places = [(middle[0] + (x - 0.8) * scale, middle[1] - (y - 0.3) * scale) for x, y in points]
+    with visit.page.expect_request("**/sketches") as asked:
+        visit.page.mouse.move(*places[0])
+        visit.page.mouse.down()
+        visit.page.mouse.move(*places[1])
+        visit.page.mouse.up()
+    stroke = asked.value.post_data_json["strokes"][0]["points"]
+    assert np.array(stroke) == pytest.approx(np.array(points), abs=1.5 / scale)

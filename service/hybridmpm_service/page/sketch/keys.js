@@ -1,6 +1,6 @@
 // The keyboard on the stage: arrow keys move a cursor, Enter puts the tool down there and lifts it again.
 
-const STEP = 0.02; // of the stage's side; with Shift five times as far
+const STEP = 0.02; // of the stage's longer side; with Shift five times as far
 const TURN = 14; // px by which an arrow key turns the scene
 const ZOOM = 1.1;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -31,9 +31,12 @@ export class StageKeys {
     this.#handlers.cancel();
   }
 
+  get #sides() {
+    return [this.#element.clientWidth, this.#element.clientHeight];
+  }
+
   #show(whether) {
-    const side = this.#element.clientWidth;
-    this.#at ??= [side / 2, side / 2];
+    this.#at ??= this.#sides.map((side) => side / 2);
     this.#handlers.cursor(whether && this.#handlers.mode() === "stroke" ? this.#at : null);
   }
 
@@ -54,10 +57,10 @@ export class StageKeys {
 
   #move(event, way) {
     event.preventDefault();
-    const side = this.#element.clientWidth;
-    const step = (event.shiftKey ? 5 : 1) * STEP * side;
-    this.#at ??= [side / 2, side / 2];
-    this.#at = this.#at.map((value, axis) => Math.min(side, Math.max(0, value + step * way[axis])));
+    const sides = this.#sides;
+    const step = (event.shiftKey ? 5 : 1) * STEP * Math.max(...sides);
+    this.#at ??= sides.map((side) => side / 2);
+    this.#at = this.#at.map((value, axis) => Math.min(sides[axis], Math.max(0, value + step * way[axis])));
     if (this.#down) this.#handlers.extend([this.#sample(event)]);
     this.#show(true);
   }

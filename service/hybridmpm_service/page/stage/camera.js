@@ -1,46 +1,65 @@
-// Views: where points of the world appear on the square stage. Both views have the same surface:
-// matrix (world -> clip space, column-major), project, unproject, pixelsPerMetre, settle.
+// Views: where points of the world appear on the stage. Both views have the same surface: matrix (world -> clip space,
+// column-major), project, unproject, pixelsPerMetre, settle, and aspect, width and height of the stage with its longer side.
 
-const MARGIN = 0.035; // room around the walls [m]
+const MARGIN = 0.035; // room around the walls [longest side of the world]
+const WIDEST = 3; // most width over height of the stage: a longer channel has room above and below it
+const HIGHEST = 2; // most height over width
 export const DEPTH_SCALE = 0.6; // keeps every corner of [0, 1]^3 inside the clip volume, see OrbitView.matrix
 const GLIDE_MS = 520;
 
 const FRONT = { yaw: 0, pitch: 0, perspective: 0, zoom: 1 };
 const CORNER = { yaw: -0.6, pitch: 0.34, perspective: 0.3, zoom: 0.66 };
 
-function frameOf(walls) {
-  const size = Math.max(...walls.upper.map((upper, axis) => upper - walls.lower[axis]));
-  return {
-    center: walls.upper.map((upper, axis) => (upper + walls.lower[axis]) / 2),
-    extent: size + 2 * MARGIN,
-  };
+const middleOf = ({ lower, upper }) => upper.map((value, axis) => (value + lower[axis]) / 2);
+const sidesOf = ({ lower, upper }) => upper.map((value, axis) => value - lower[axis] + 2 * MARGIN);
+
+/** The place of a picture on the screen. */
+class View {
+  width = 1; // of the stage [px]
+
+  /** @param aspect width over height */
+  constructor(center, aspect) {
+    this.center = center;
+    this.aspect = aspect;
+  }
+
+  get height() {
+    return this.width / this.aspect;
+  }
+
+  /** The longer side [px]. */
+  get size() {
+    return Math.max(this.width, this.height);
+  }
+
+  /** The world's (x, y) under a pixel, in space of the front view. */
+  unproject(px, py) {
+    const scale = this.pixelsPerMetre;
+    return [this.center[0] + (px - this.width / 2) / scale, this.center[1] - (py - this.height / 2) / scale];
+  }
 }
 
-/** A 2D scene, y up, the walls filling the stage. */
-export class FlatView {
+/** A 2D scene, y up, the walls filling the stage, which is as wide and high as they are, within limits. */
+export class FlatView extends View {
   constructor(walls) {
-    Object.assign(this, frameOf(walls));
-    this.size = 1;
+    const [across, up] = sidesOf(walls);
+    super(middleOf(walls), Math.min(WIDEST, Math.max(1 / HIGHEST, across / up)));
+    this.extent = Math.max(across, up * this.aspect);
   }
 
   get pixelsPerMetre() {
-    return this.size / this.extent;
+    return this.width / this.extent;
   }
 
   matrix() {
-    const k = 2 / this.extent;
+    const [kx, ky] = [2 / this.extent, (2 * this.aspect) / this.extent];
     const [cx, cy] = this.center;
-    return new Float32Array([k, 0, 0, 0, 0, k, 0, 0, 0, 0, 1, 0, -k * cx, -k * cy, 0, 1]);
+    return new Float32Array([kx, 0, 0, 0, 0, ky, 0, 0, 0, 0, 1, 0, -kx * cx, -ky * cy, 0, 1]);
   }
 
   project([x, y]) {
     const scale = this.pixelsPerMetre;
-    return [this.size / 2 + (x - this.center[0]) * scale, this.size / 2 - (y - this.center[1]) * scale, 0];
-  }
-
-  unproject(px, py) {
-    const scale = this.pixelsPerMetre;
-    return [this.center[0] + (px - this.size / 2) / scale, this.center[1] - (py - this.size / 2) / scale];
+    return [this.width / 2 + (x - this.center[0]) * scale, this.height / 2 - (y - this.center[1]) * scale, 0];
   }
 
   /** Nothing moves by itself in a flat view. */
@@ -54,12 +73,13 @@ export class FlatView {
  *
  * The front view is orthographic (perspective 0), so that a stroke has the same world position at every depth.
  */
-export class OrbitView {
+export class OrbitView extends View {
   #glide = null;
 
   constructor(walls) {
-    Object.assign(this, frameOf(walls), CORNER);
-    this.size = 1;
+    super(middleOf(walls), 1);
+    this.extent = Math.max(...sidesOf(walls));
+    Object.assign(this, CORNER);
     this.home = { ...CORNER };
   }
 
@@ -98,13 +118,7 @@ export class OrbitView {
     const along = (row) => row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2];
     const depth = along(near);
     const scale = this.pixelsPerMetre / (1 - this.perspective * depth);
-    return [this.size / 2 + along(right) * scale, this.size / 2 - along(up) * scale, depth];
-  }
-
-  /** The world's (x, y) under a pixel of the front view. */
-  unproject(px, py) {
-    const scale = this.pixelsPerMetre;
-    return [this.center[0] + (px - this.size / 2) / scale, this.center[1] - (py - this.size / 2) / scale];
+    return [this.width / 2 + along(right) * scale, this.height / 2 - along(up) * scale, depth];
   }
 
   orbit(dx, dy) {

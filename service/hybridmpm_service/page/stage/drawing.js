@@ -102,7 +102,7 @@ export function drawGuess(context, view, scene, sketch) {
   context.save();
   context.font = "600 13px system-ui, sans-serif";
   const width = context.measureText(label).width + 18;
-  const left = Math.min(Math.max(px + 14, 4), view.size - width - 4);
+  const left = Math.min(Math.max(px + 14, 4), view.width - width - 4);
   const top = Math.max(py - 36, 4);
   context.fillStyle = "rgb(8 12 18 / 0.85)";
   context.beginPath();

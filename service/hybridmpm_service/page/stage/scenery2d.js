@@ -29,7 +29,7 @@ export function drawFlatWalls(context, view, walls) {
   const [left, top, width, height] = rectangleOf(view, walls);
   context.fillStyle = "#0a0f16";
   context.beginPath();
-  context.rect(0, 0, view.size, view.size);
+  context.rect(0, 0, view.width, view.height);
   context.roundRect(left, top, width, height, 3);
   context.fill("evenodd");
   context.strokeStyle = WALL_COLOR;

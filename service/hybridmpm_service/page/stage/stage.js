@@ -176,14 +176,15 @@ export class Stage {
   }
 
   #resize() {
-    const size = this.#element.clientWidth;
-    if (size === 0) return;
-    this.view.size = size;
-    const pixels = Math.round(size * Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
+    document.documentElement.style.setProperty("--aspect", this.view.aspect);
+    const width = this.#element.clientWidth;
+    if (width === 0) return;
+    this.view.width = width;
+    const pixels = (side) => Math.round(side * Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
+    const [across, down] = [pixels(width), pixels(this.view.height)];
     for (const canvas of Object.values(this.#canvases)) {
-      if (canvas.width === pixels) continue;
-      canvas.width = pixels;
-      canvas.height = pixels;
+      if (canvas.width === across && canvas.height === down) continue;
+      [canvas.width, canvas.height] = [across, down];
     }
     this.invalidateView();
   }
@@ -221,7 +222,7 @@ export class Stage {
     const context = canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
-    context.scale(canvas.width / this.view.size, canvas.height / this.view.size);
+    context.scale(canvas.width / this.view.width, canvas.height / this.view.height);
     return context;
   }
 

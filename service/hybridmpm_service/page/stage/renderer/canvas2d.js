@@ -47,7 +47,7 @@ export class CanvasRenderer {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, width, height);
     if (this.#scene === null || this.#particles === null) return;
-    context.scale(width / view.size, height / view.size);
+    context.scale(width / view.width, height / view.height);
     if (this.#scene.dim === 3) {
       this.#spheres.draw(context, view, this.#scene, this.#particles);
       return;

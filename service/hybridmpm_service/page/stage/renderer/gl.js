@@ -27,7 +27,7 @@ export function program(gl, vertex, fragment) {
 }
 
 /**
- * A square texture to draw into, with its framebuffer and, if asked for, a depth buffer.
+ * A texture to draw into, with its framebuffer and, if asked for, a depth buffer.
  *
  * It holds half floats, which can be blended and filtered everywhere, or, if `precise`, full floats where allowed.
  */
@@ -35,7 +35,8 @@ export class FieldTarget {
   #gl;
   #filter;
   #precise;
-  size = 0;
+  width = 0;
+  height = 0;
 
   constructor(gl, { filter = gl.LINEAR, depth = false, precise = false } = {}) {
     this.#gl = gl;
@@ -49,16 +50,16 @@ export class FieldTarget {
   /** Draw into this target from now on. */
   bind() {
     this.#gl.bindFramebuffer(this.#gl.FRAMEBUFFER, this.framebuffer);
-    this.#gl.viewport(0, 0, this.size, this.size);
+    this.#gl.viewport(0, 0, this.width, this.height);
   }
 
-  resize(size) {
-    if (size === this.size) return;
+  resize(width, height) {
+    if (width === this.width && height === this.height) return;
     const gl = this.#gl;
-    this.size = size;
+    [this.width, this.height] = [width, height];
     gl.bindTexture(gl.TEXTURE_2D, this.texture);
     const [format, type] = this.#precise ? [gl.RGBA32F, gl.FLOAT] : [gl.RGBA16F, gl.HALF_FLOAT];
-    gl.texImage2D(gl.TEXTURE_2D, 0, format, size, size, 0, gl.RGBA, type, null);
+    gl.texImage2D(gl.TEXTURE_2D, 0, format, width, height, 0, gl.RGBA, type, null);
     for (const [name, value] of [
       [gl.TEXTURE_MIN_FILTER, this.#filter],
       [gl.TEXTURE_MAG_FILTER, this.#filter],
@@ -71,7 +72,7 @@ export class FieldTarget {
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.texture, 0);
     if (this.depth !== null) {
       gl.bindRenderbuffer(gl.RENDERBUFFER, this.depth);
-      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, size, size);
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
       gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);

@@ -5,32 +5,39 @@ import { GOOP, SAND } from "../../net/protocol.js";
 import * as palette from "./palette.js";
 import { INTERIOR, KERNEL_SPACINGS, SURFACE } from "./shaders.js";
 
-const CELLS = 300; // field cells along the stage
+const CELLS = 300 ** 2; // field cells on the stage
 
 export class LiquidField {
-  #water = new Float32Array(CELLS * CELLS);
-  #speed = new Float32Array(CELLS * CELLS);
-  #goop = new Float32Array(CELLS * CELLS);
-  #image = new ImageData(CELLS, CELLS);
-  #canvas = null;
+  #columns = 0;
+  #rows = 0;
+  #water;
+  #speed;
+  #goop;
+  #image;
+  #canvas = document.createElement("canvas");
 
   draw(context, view, scene, particles) {
     if (scene.types.every((type) => type === SAND)) return;
+    const along = (side) => Math.round(side * Math.sqrt(CELLS / (view.width * view.height)));
+    this.#resize(along(view.width), along(view.height));
     this.#add(view, scene, particles);
     this.#shade();
-    if (this.#canvas === null) {
-      this.#canvas = document.createElement("canvas");
-      this.#canvas.width = CELLS;
-      this.#canvas.height = CELLS;
-    }
     this.#canvas.getContext("2d").putImageData(this.#image, 0, 0);
     context.imageSmoothingQuality = "high";
-    context.drawImage(this.#canvas, 0, 0, view.size, view.size);
+    context.drawImage(this.#canvas, 0, 0, view.width, view.height);
+  }
+
+  #resize(columns, rows) {
+    if (columns === this.#columns && rows === this.#rows) return;
+    [this.#columns, this.#rows] = [columns, rows];
+    [this.#canvas.width, this.#canvas.height] = [columns, rows];
+    [this.#water, this.#speed, this.#goop] = [0, 0, 0].map(() => new Float32Array(columns * rows));
+    this.#image = new ImageData(columns, rows);
   }
 
   #add(view, scene, { positions, speeds }) {
     for (const field of [this.#water, this.#speed, this.#goop]) field.fill(0);
-    const cells = CELLS / view.size;
+    const cells = this.#columns / view.width;
     const radius = KERNEL_SPACINGS * scene.spacing * view.pixelsPerMetre * cells;
     for (let i = 0; i < scene.types.length; i += 1) {
       const type = scene.types[i];
@@ -42,17 +49,18 @@ export class LiquidField {
   }
 
   #blob(field, weighted, cx, cy, radius, weight) {
+    const columns = this.#columns;
     const top = Math.max(0, Math.ceil(cy - radius - 0.5));
-    const bottom = Math.min(CELLS - 1, Math.floor(cy + radius - 0.5));
+    const bottom = Math.min(this.#rows - 1, Math.floor(cy + radius - 0.5));
     const left = Math.max(0, Math.ceil(cx - radius - 0.5));
-    const right = Math.min(CELLS - 1, Math.floor(cx + radius - 0.5));
+    const right = Math.min(columns - 1, Math.floor(cx + radius - 0.5));
     for (let row = top; row <= bottom; row += 1) {
       const down = ((row + 0.5 - cy) / radius) ** 2;
       for (let column = left; column <= right; column += 1) {
         const q = 1 - down - ((column + 0.5 - cx) / radius) ** 2;
         if (q <= 0) continue;
-        field[row * CELLS + column] += q * q;
-        if (weighted !== null) weighted[row * CELLS + column] += q * q * weight;
+        field[row * columns + column] += q * q;
+        if (weighted !== null) weighted[row * columns + column] += q * q * weight;
       }
     }
   }
@@ -61,7 +69,8 @@ export class LiquidField {
     const pixels = this.#image.data;
     pixels.fill(0);
     // Inside the outermost cells, so that every cell has four neighbours.
-    for (let cell = CELLS; cell < CELLS * (CELLS - 1); cell += 1) {
+    const columns = this.#columns;
+    for (let cell = columns; cell < columns * (this.#rows - 1); cell += 1) {
       const goop = this.#goop[cell] > this.#water[cell];
       const field = goop ? this.#goop : this.#water;
       const density = field[cell];
@@ -70,7 +79,7 @@ export class LiquidField {
       paint(pixels, 4 * cell, {
         colors: goop ? GOOP_COLORS : WATER_COLORS,
         depth: 0.75 * dome(density),
-        crest: crestOf(field, cell),
+        crest: crestOf(field, cell, columns),
         foam: fast > 1.2 ? 0.5 * palette.smoothstep(1.2, 3.8, fast) : 0,
       });
       pixels[4 * cell + 3] = 255 * palette.smoothstep(0.5 * SURFACE, 1.4 * SURFACE, density);
@@ -103,10 +112,10 @@ function paint(pixels, at, { colors, depth, crest, foam }) {
 }
 
 /** How much a cell belongs to the bright rim: near the surface, most where it faces the light (upper left). */
-function crestOf(field, cell) {
+function crestOf(field, cell, columns) {
   if (field[cell] >= 4.5 * SURFACE) return 0;
   const slopeX = dome(field[cell + 1]) - dome(field[cell - 1]);
-  const slopeY = dome(field[cell - CELLS]) - dome(field[cell + CELLS]);
+  const slopeY = dome(field[cell - columns]) - dome(field[cell + columns]);
   const facing = Math.max(0, (2.2 * slopeX - 4 * slopeY + 0.55) / Math.hypot(5 * slopeX, 5 * slopeY, 1));
   const rim = 1 - palette.smoothstep(SURFACE, 4.5 * SURFACE, field[cell]);
   return Math.min(1, rim * (0.25 + 0.55 * facing));

@@ -75,12 +75,12 @@ export class SpherePicture {
 
   draw(context, view, scene, particles) {
     drawShadows(context, view, scene, particles.positions);
-    this.#resize(Math.min(MAX_SIZE, Math.round(view.size)));
+    this.#resize(Math.min(MAX_SIZE, Math.round(view.width)));
     this.#pixels.fill(0);
     this.#depths.fill(-Infinity);
     for (let i = 0; i < scene.types.length; i += 1) this.#add(view, scene, particles, i);
     this.#canvas.getContext("2d").putImageData(this.#image, 0, 0);
-    context.drawImage(this.#canvas, 0, 0, view.size, view.size);
+    context.drawImage(this.#canvas, 0, 0, view.width, view.height);
   }
 
   #lookOf(scene, speeds, i) {
@@ -101,7 +101,7 @@ export class SpherePicture {
 
   #add(view, scene, { positions, speeds, quantities }, i) {
     const place = view.project([positions[3 * i] / 65535, positions[3 * i + 1] / 65535, positions[3 * i + 2] / 65535]);
-    const scale = this.#size / view.size;
+    const scale = this.#size / view.width;
     const reach = SPHERE_SPACINGS * scene.spacing;
     const radius = Math.max(1, Math.round((reach * view.pixelsPerMetre * scale) / (1 - view.perspective * place[2])));
     const ramp = quantities === null ? this.#lookOf(scene, speeds, i) : scaleRamps[Math.floor((quantities[i] / 256) * SCALE_STEPS)];

@@ -37,9 +37,9 @@ export class LiquidSurface {
   draw(view, { spacing, walls }, canvasSize, drawPoints) {
     const gl = this.#gl;
     const size = Math.min(canvasSize, MAX_SIZE);
-    const texelsPerMetre = (view.pixelsPerMetre * size) / view.size;
-    this.#front.resize(size);
-    this.#back.resize(size);
+    const texelsPerMetre = (view.pixelsPerMetre * size) / view.width;
+    this.#front.resize(size, size);
+    this.#back.resize(size, size);
 
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);

@@ -122,7 +122,7 @@ export class WebglRenderer {
       gl.bindBuffer(gl.ARRAY_BUFFER, this.#buffers[name]);
       gl.bufferData(gl.ARRAY_BUFFER, this.#pending[name], gl.DYNAMIC_DRAW);
     }
-    const pixels = view.pixelsPerMetre * (this.#canvas.width / view.size) * this.#scene.spacing;
+    const pixels = view.pixelsPerMetre * (this.#canvas.width / view.width) * this.#scene.spacing;
     if (this.#scene.dim === 2) this.#drawFlat(view.matrix(), pixels);
     else this.#drawSolid(view, pixels);
   }
@@ -143,19 +143,20 @@ export class WebglRenderer {
 
   #drawLiquid(matrix, spacing) {
     const gl = this.#gl;
-    const size = Math.max(64, Math.round(this.#canvas.width * FIELD_RESOLUTION));
-    this.#field.resize(size);
+    const width = Math.max(64, Math.round(this.#canvas.width * FIELD_RESOLUTION));
+    const height = Math.round((width * this.#canvas.height) / this.#canvas.width);
+    this.#field.resize(width, height);
     this.#field.bind();
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.blendFunc(gl.ONE, gl.ONE);
-    const pointSize = (2 * shaders.KERNEL_SPACINGS * spacing * size) / this.#canvas.width;
+    const pointSize = (2 * shaders.KERNEL_SPACINGS * spacing * width) / this.#canvas.width;
     useProgram(gl, this.#programs.blob, { matrix, pointSize });
     this.#points();
 
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.#canvas.width, this.#canvas.height);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    useProgram(gl, this.#programs.liquid, { texel: [1 / size, 1 / size] });
+    useProgram(gl, this.#programs.liquid, { texel: [1 / width, 1 / height] });
     gl.bindTexture(gl.TEXTURE_2D, this.#field.texture);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
