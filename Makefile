@@ -68,7 +68,7 @@ web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names 
 	rust/web/build.sh
 
 docs: setup $(VENV)/.docs ## the documentation as a site in dist/docs, which needs no server and no network
-	$(BIN)/python -m sphinx --fail-on-warning --quiet -c docs/site . $(DIST)/docs
+	$(BIN)/python -m sphinx --fail-on-warning --quiet -c docs/sphinx . $(DIST)/docs
 
 # Archives carry the time of the last commit and no path of the machine, so that two builds are equal.
 wheel release: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct)

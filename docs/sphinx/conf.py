@@ -17,7 +17,7 @@ from hybridmpm_service import Settings, create_app
 project = "hybridmpm"
 copyright = "the hybridmpm authors, Apache-2.0"  # noqa: A001 - the name that Sphinx reads
 release = version = hybridmpm.__version__
-root_doc = "docs/site/index"
+root_doc = "docs/sphinx/index"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click", "sphinx_copybutton"]
 include_patterns = ["*.md", "docs/**/*.md", "docs/**/*.ipynb"]
 
