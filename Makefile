@@ -73,9 +73,14 @@ docs: setup $(VENV)/.docs ## the documentation as a site in dist/docs, which nee
 # Archives carry the time of the last commit and no path of the machine, so that two builds are equal.
 wheel release: export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct)
 wheel release: export RUSTFLAGS = --remap-path-prefix=$(CURDIR)=. --remap-path-prefix=$(or $(CARGO_HOME),$(HOME)/.cargo)=cargo
+# What the SBOM says of the crates here names their folders; packed anew, the wheel does not.
 wheel: $(VENV)/.release ## the library's wheel for this platform in dist; WHEEL_FLAGS go to maturin
+	rm -rf target/wheel/packed
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/maturin build --release --locked --target-dir target/wheel --interpreter $(BIN)/python \
-	$(WHEEL_FLAGS) --out $(DIST)
+	$(WHEEL_FLAGS) --out target/wheel/packed
+	$(BIN)/python -m wheel unpack --dest target/wheel/packed target/wheel/packed/*.whl
+	perl -pi -e 's|\Q$(CURDIR)\E|/hybridmpm|g' target/wheel/packed/*/*.dist-info/sboms/*.json
+	mkdir -p $(DIST) && $(BIN)/python -m wheel pack --dest-dir $(DIST) target/wheel/packed/*/
 
 release: wheel ## all that a release consists of in dist, with checksums and its text; uploads nothing
 	$(BIN)/maturin sdist --out $(DIST)

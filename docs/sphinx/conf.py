@@ -13,13 +13,14 @@ from docutils import nodes
 
 import hybridmpm
 from hybridmpm_service import Settings, create_app
+from hybridmpm_service.site import entries, write_site
 
 project = "hybridmpm"
 copyright = "the hybridmpm authors, Apache-2.0"  # noqa: A001 - the name that Sphinx reads
 release = version = hybridmpm.__version__
 root_doc = "docs/sphinx/index"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click", "sphinx_copybutton"]
-include_patterns = ["*.md", "docs/**/*.md", "docs/**/*.ipynb"]
+include_patterns = ["*.md", "docs/**/*.md", "docs/**/*.ipynb", "service/deploy/README.md"]
 
 html_theme = "furo"
 html_title = f"hybridmpm {release}"
@@ -71,6 +72,20 @@ def _table(interface: dict[str, Any]) -> nodes.Node:
     return nodes.table("", group)
 
 
+def _playing(app: Any, document: nodes.document) -> None:
+    """Put an entry of the gallery where a page has the comment `<!-- play NAME -->`, which no forge shows."""
+    to_root = "../" * app.env.docname.count("/")
+    titles = {entry.name: entry.title for entry in entries()}
+    for place in list(document.findall(nodes.raw)):
+        if found := re.fullmatch(r"<!-- play ([\w-]+) -->", place.astext().strip()):
+            frame = (
+                f'<iframe src="{to_root}play/{found[1]}.html" title="{titles[found[1]]}, simulated here"'
+                ' loading="lazy" style="width: 100%; height: 620px; border: 0"></iframe>'
+                f'<p><a href="{to_root}play/index.html">All scenes that play</a></p>'
+            )
+            place.replace_self(nodes.raw("", frame, format="html"))
+
+
 def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
     """Make what docstrings have of Markdown reStructuredText: code, bars of norms, tables."""
     text, in_table = [], False
@@ -87,14 +102,16 @@ def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lin
 
 
 def _finish(app: Any, error: Exception | None) -> None:
-    """Add the OpenAPI document, and the files and folders to which pages link."""
+    """Add the OpenAPI document, and the gallery."""
     if error is None and app.builder.format == "html":
         document = json.dumps(create_app(Settings()).openapi(), indent=1)
         (Path(app.outdir) / "openapi.json").write_text(document, encoding="utf-8")
+        write_site(Path(app.outdir) / "play")
 
 
 def setup(app: Any) -> None:
     """Connect what this file adds to Sphinx."""
     app.connect("autodoc-process-docstring", _as_rest)
     app.connect("doctree-read", _operations)
+    app.connect("doctree-read", _playing)
     app.connect("build-finished", _finish)
