@@ -1,4 +1,4 @@
-"""The documentation site: no page is wider than the window, the search finds, nothing is fetched."""
+"""The documentation site: no page is too wide, the front leads on, the search finds, nothing is fetched."""
 
 import os
 import subprocess
@@ -39,6 +39,10 @@ def test_the_site_is_built_without_a_warning_and_read_from_a_disk(browser: Brows
         page.wait_for_load_state()
         too_wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         assert too_wide <= 0, f"{file.relative_to(site)} is {too_wide} pixels too wide"
+    page.goto((site / "docs" / "sphinx" / "index.html").as_uri())
+    expect(page.frame_locator("iframe").locator("body")).to_have_attribute("data-ready", "true")
+    ways = page.locator("table").first.locator("tr").all()
+    assert len([row for row in ways if row.locator("a").count()]) >= 20
     for word, title in FOUND.items():
         page.goto(f"{(site / 'search.html').as_uri()}?q={word}")
         expect(page.locator("#search-results li", has_text=title).first).to_be_attached()
