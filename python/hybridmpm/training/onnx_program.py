@@ -1,10 +1,10 @@
-"""Exporting a module of torch as one self-contained ONNX file of our opset."""
+"""Exporting a module of torch as one self-contained ONNX file of our opset, and reading its weights back."""
 
 import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import onnx
@@ -12,6 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm._support.networks import OPSET
+from hybridmpm.errors import DataError
+from hybridmpm.training.checkpoint import with_this_solver
 
 
 def exported(
@@ -59,6 +61,47 @@ def exported(
     onnx.checker.check_model(model)
     data: bytes = model.SerializeToString()
     return data
+
+
+def read_back(data: bytes, where: str) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Return the metadata of an exported file, and its weights by their names in torch.
+
+    Raises `DataError` where the file is damaged; the message begins with `where`.
+    """
+    try:
+        model = onnx.load_from_string(data)
+    except Exception as error:  # noqa: BLE001 - protobuf's own errors share no other parent
+        raise DataError(f"{where} is no ONNX model, or damaged or cut off: {error}") from None
+    return {one.key: one.value for one in model.metadata_props}, {
+        one.name: torch.from_numpy(onnx.numpy_helper.to_array(one).copy()) for one in model.graph.initializer
+    }
+
+
+def weights_of(
+    found: Mapping[str, Tensor], wanted: Mapping[str, Tensor], where: str, prefix: str = ""
+) -> dict[str, Tensor]:
+    """Return those that a network wants of weights, whose names begin with `prefix`.
+
+    Raises `DataError` where one is missing or has another size; the message begins with `where`.
+    """
+    kept = {name: found.get(prefix + name) for name in wanted}
+    missing = sorted(name for name, part in kept.items() if part is None or part.shape != wanted[name].shape)
+    if missing:
+        raise DataError(
+            f"{where}: its weights are not those of its network; {prefix}{missing[0]} is missing or has "
+            "another size"
+        )
+    return {name: part for name, part in kept.items() if part is not None}
+
+
+def origin_of(training: Mapping[str, str]) -> dict[str, str]:
+    """Return `checkpoint.origin_of` for the record of a training in an exported file."""
+    return {
+        "command": training.get("command", ""),
+        "solver_versions": with_this_solver(training),
+        "steps_before": training.get("steps") or "0",
+        "seconds_before": training.get("seconds") or "0",
+    }
 
 
 def _forget_origin(model: onnx.ModelProto) -> None:

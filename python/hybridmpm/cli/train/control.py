@@ -11,7 +11,6 @@ from hybridmpm.cli.train.common import (
     dataset_option,
     device_option,
     make_missing,
-    origin_of,
     run_shown,
     scenes_option,
     settings_of,
@@ -22,12 +21,12 @@ from hybridmpm.cli.train.common import (
     valid_option,
 )
 from hybridmpm.control.methods.learned.spec import TransportSpec
-from hybridmpm.errors import ConfigError
 from hybridmpm.training.settings import TransportSettings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from hybridmpm.training.control.transport.beginning import Beginning
     from hybridmpm.training.control.transport.trainer import TransportTrainer
     from hybridmpm.training.devices import Device
     from hybridmpm.training.sources import Source
@@ -49,6 +48,8 @@ if TYPE_CHECKING:
     ),
     dataset_option,
     device_option,
+    finetune="Checkpoint, .onnx file or name of a network of the library, with whose shape and weights this "
+    "training begins.",
 )
 @click.pass_context
 def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> None:
@@ -62,6 +63,7 @@ def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> No
     """
     device = torch_device(options["device"], threads)
     from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport.beginning import Beginning  # noqa: PLC0415
     from hybridmpm.training.control.transport.supply import Stock, Supply, pasts_of  # noqa: PLC0415
     from hybridmpm.training.control.transport.trainer import (  # noqa: PLC0415
         TransportTrainer,
@@ -73,11 +75,10 @@ def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> No
 
     root, (training, validation) = options["root"], splits_of(options)
     trainer = continued(ctx, partial(TransportTrainer.load, device=device))
-    file = None if trainer else options["finetune"]
-    finetuned = None if file is None else TransportTrainer.load(file, device)
-    older = trainer or finetuned
-    sources = sources_of(options, older and older.spec)
-    trainer = trainer or _new(sources, options, finetuned, device)
+    beginning = None if options["finetune"] is None else Beginning.read(options["finetune"])
+    older = trainer.spec if trainer else beginning.spec if beginning else None
+    sources = sources_of(options, older)
+    trainer = trainer or _new(sources, options, beginning, device)
     spec = trainer.spec
     if drawn := [source for source in sources if isinstance(source, Drawn)]:
         check_frame(spec.trained_on.frame_dt, shortest=spec.shortest, longest=spec.longest)
@@ -96,14 +97,14 @@ def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> No
             data=f"{len(training)} scenes of each of {', '.join(spec.scenarios)}, seeds from 0"
             if len(drawn) == len(sources)
             else ", ".join(spec.scenarios),
-            before=origin_of(options["finetune"]),
+            before=None if beginning is None else beginning.origin,
         )
 
 
 def _new(
-    sources: "Sequence[Source]", options: dict[str, Any], older: "TransportTrainer | None", device: "Device"
+    sources: "Sequence[Source]", options: dict[str, Any], beginning: "Beginning | None", device: "Device"
 ) -> "TransportTrainer":
-    """Return a new trainer; with an older one, one with its network and averaged weights."""
+    """Return a new trainer; with a beginning, one with its network and weights."""
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
     from hybridmpm.training.sources import DataSet, described  # noqa: PLC0415
 
@@ -114,14 +115,9 @@ def _new(
         for source in sources
     ]
     scenes |= {"shortest": min(one[0] for one in times), "longest": max(one[-1] for one in times)}
-    if older is None:
+    if beginning is None:
         return TransportTrainer(TransportSpec(**scenes, width=options["width"]), settings, device)
-    spec = dataclasses.replace(older.spec, **scenes)
-    if spec.dim != older.spec.dim:
-        raise ConfigError(
-            f"{options['finetune']} is for {older.spec.dim}D, and the scenes are in {spec.dim}D: leave out "
-            "--finetune"
-        )
+    spec = dataclasses.replace(beginning.spec, **scenes)
     trainer = TransportTrainer(spec, settings, device)
-    trainer.begin_with(older.average.state_dict())
+    trainer.begin_with(beginning.weights_for(spec, str(options["finetune"])))
     return trainer

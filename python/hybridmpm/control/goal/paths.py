@@ -31,6 +31,8 @@ _STEPS = 33
 """Number of places at which a straight way is looked at for the first obstacle."""
 _PASSING = 0.97
 """Share of the particles that must be free for others to go on."""
+_LOOKS = 16
+"""Places on a piece of a path that are held against obstacles."""
 _PIECES = 8
 """Smallest number of pieces of a bent path, so that the spline through them stays near to it."""
 
@@ -215,6 +217,28 @@ class Paths:
         firsts = self.starts[:-1][self.cut_off]
         corners[firsts + 1] = corners[firsts] + reach * way
         return dataclasses.replace(self, places=places, corners=corners)
+
+    def blocked(self, room: Room) -> npt.NDArray[np.bool_]:
+        """Return which paths lead through obstacles, their starts aside, (G,)."""
+        steps = np.linspace(0, 1, _LOOKS + 1)[1:, None, None]
+        points = self.corners[:-1] + steps * np.diff(self.corners, axis=0)
+        hit = (room.distance(points.reshape(-1, points.shape[2])) < 0).reshape(points.shape[:2]).any(axis=0)
+        hit = np.append(hit, False)
+        hit[self.starts[1:] - 1] = False  # From the end of one path to the start of the next leads none.
+        return np.asarray(np.logical_or.reduceat(hit, self.starts[:-1].astype(int)))
+
+    def around(self, room: Room) -> "Paths":
+        """Return straight paths, in place of those through obstacles the shortest ways around them."""
+        grid, blocked = room.grid(), self.blocked(room)
+        if grid is None or not blocked.any():
+            return self
+        ways, cut_off = list(self.corners.reshape(len(self.weight), 2, -1)), self.cut_off.copy()
+        for group in np.flatnonzero(blocked):
+            # A region of one cell: the way to its place is the shortest one.
+            found = _core.match_to_region(ways[group][:1], ways[group][1:], grid.space)
+            ways[group], cut_off[group] = found.ways, found.cut_off[0]
+        starts = np.append(0, np.cumsum([len(way) for way in ways])).astype(np.uint32)
+        return dataclasses.replace(self, starts=starts, corners=np.concatenate(ways), cut_off=cut_off)
 
     def passing(self, place: Floats, reach: float) -> float:
         """Return the share of the mass [-] whose path comes within a distance of a place (D,) [m]."""

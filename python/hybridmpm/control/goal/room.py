@@ -13,6 +13,11 @@ from hybridmpm.scene import Scene
 _NODES = {2: 64, 3: 24}
 """Nodes along the longest side of the world of the grid for paths around obstacles, by dimension."""
 
+_PUSHES = 4
+"""Largest number of times that points are moved out of obstacles; out of one they come at once."""
+_PROBE = 1e-3
+"""Distance at which the slope of the distance is measured, over the longest side of the world."""
+
 
 class Room:
     """Walls and obstacles of a scene at one time; moving obstacles have their places of that time.
@@ -60,6 +65,23 @@ class Room:
     def is_free(self, x: Floats) -> npt.NDArray[np.bool_]:
         """Return which points (N, D) lie between the walls and in no obstacle; (N,)."""
         return self.within_walls(x) & (self.distance(x) >= 0)
+
+    def freed(self, x: Floats) -> Floats:
+        """Return points (N, D), those in obstacles moved to the nearest surface; between the walls."""
+        moved = np.clip(x, self.lower, self.upper)
+        for _ in range(_PUSHES if self._solids else 0):
+            inside = np.flatnonzero((away := self.distance(moved)) < 0)
+            if not len(inside):
+                break
+            points = moved[inside]
+            ends = points[:, None] + _PROBE * self.unit * np.concatenate(
+                [np.eye(x.shape[1]), -np.eye(x.shape[1])]
+            )
+            found = self.distance(ends.reshape(-1, x.shape[1])).reshape(len(points), 2, -1)
+            slope = (found[:, 0] - found[:, 1]) / (2 * _PROBE * self.unit)
+            step = (_PROBE * self.unit - away[inside])[:, None] * slope
+            moved[inside] = np.clip(points + step, self.lower, self.upper)
+        return moved
 
     def lattice(self) -> tuple[Floats, float]:
         """Return the free points (M, D) of a lattice [m], and their distance [m]."""

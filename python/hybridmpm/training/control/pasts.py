@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -11,7 +12,8 @@ import numpy.typing as npt
 from hybridmpm import data
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.control import Sketch
-from hybridmpm.control.methods.learned.features import State
+from hybridmpm.control.goal.room import Room
+from hybridmpm.control.methods.learned.features import State, distances
 from hybridmpm.errors import DataError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
@@ -131,7 +133,12 @@ class Past:
             lower=np.array(walls.lower),
             upper=np.array(walls.upper),
             gravity=np.array(self.scene.gravity),
+            distance=self._distance,
         )
+
+    @cached_property
+    def _distance(self) -> npt.NDArray[np.float64] | None:
+        return distances(Room(self.scene, 0.0))
 
 
 def prepare(

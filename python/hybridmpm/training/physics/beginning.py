@@ -6,19 +6,18 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-import onnx
 import torch
 
 from hybridmpm._support.networks import metadata, read_network
-from hybridmpm.errors import DataError
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import FORMAT, ModelInfo
 from hybridmpm.physics.spec import Normalization
 from hybridmpm.training import checkpoint
+from hybridmpm.training.onnx_program import origin_of, read_back, weights_of
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer
 
-_PREFIX = "simulator."
+_PREFIX = "simulator.network."
 """Beginning of the names of weights in an exported file; see `hybridmpm.training.export`."""
 
 
@@ -54,45 +53,15 @@ class Beginning:
 
     @classmethod
     def _of_network(cls, data: bytes, where: str) -> Self:
-        try:
-            model = onnx.load_from_string(data)
-        except Exception as error:  # noqa: BLE001 - protobuf's own errors share no other parent
-            raise DataError(f"{where} is no ONNX model, or damaged or cut off: {error}") from None
-        properties = {one.key: one.value for one in model.metadata_props}
+        properties, held = read_back(data, where)
         info = ModelInfo.from_metadata(metadata(properties, FORMAT, where=where), where=where)
         simulator = LearnedSimulator(info.spec, info.scales)
-        held = {
-            one.name.removeprefix(_PREFIX): torch.from_numpy(onnx.numpy_helper.to_array(one).copy())
-            for one in model.graph.initializer
-        }
-        # The names of the scales begin alike, but the description has them in full.
-        weights = {f"network.{name}": part for name, part in simulator.network.state_dict().items()}
-        missing = sorted(name for name, part in weights.items() if _shape(held.get(name)) != part.shape)
-        if missing:
-            raise DataError(
-                f"{where}: its weights are not those of its network; {missing[0]} is missing or has another "
-                "size"
-            )
-        simulator.network.load_state_dict(
-            {name: held[f"network.{name}"] for name in simulator.network.state_dict()}
-        )
-        return cls(simulator=simulator, noise=_noise(info.scales), origin=_origin(info))
-
-
-def _shape(tensor: torch.Tensor | None) -> torch.Size | None:
-    return None if tensor is None else tensor.shape
+        wanted = simulator.network.state_dict()
+        simulator.network.load_state_dict(weights_of(held, wanted, where, _PREFIX))
+        return cls(simulator=simulator, noise=_noise(info.scales), origin=origin_of(info.training))
 
 
 def _noise(scales: Normalization) -> float:
     """Return the noise over the deviation of the velocity; see `scales.normalization`."""
     squares = np.square(scales.velocity_std) - scales.noise_std**2
     return scales.noise_std / float(np.sqrt(np.mean(squares)))
-
-
-def _origin(info: ModelInfo) -> dict[str, str]:
-    return {
-        "command": info.training.get("command", ""),
-        "solver_versions": checkpoint.with_this_solver(info.training),
-        "steps_before": info.training.get("steps") or "0",
-        "seconds_before": info.training.get("seconds") or "0",
-    }

@@ -21,7 +21,7 @@ def network_file(tmp_path: Path) -> NetworkFile:
     def write(factor: float = 1.0, noise: float = 0.0, scenario: str = "water_2d") -> Path:
         spec = TransportSpec(scenarios=(scenario,))
         dim = spec.dim
-        grid = f"{len(PLANES[dim]) * channels(dim)}, {CELLS}, {CELLS}"
+        grid = f"{len(PLANES[dim]) * channels(dim, obstacles=spec.obstacles)}, {CELLS}, {CELLS}"
         # The first numbers of a particle are half of its place in the aim's own coordinates.
         text = f"""
             <ir_version: 10, opset_import: ["" : {OPSET}]>

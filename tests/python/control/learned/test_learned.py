@@ -248,7 +248,7 @@ def test_a_mirrored_state_has_mirrored_features() -> None:
     flipped = replace(one, x=shift + sign * one.x, v=sign * one.v)
     assert AIM.root is not None
     aim = Aim(shift + sign * AIM.mean, AIM.root * np.outer(sign, sign), AIM.seconds)
-    mine, other = (inputs([a], [b], [None]) for a, b in ((one, AIM), (flipped, aim)))
+    mine, other = (inputs([a], [b], [None], obstacles=False) for a, b in ((one, AIM), (flipped, aim)))
     signs = np.ones(10)
     signs[[1, 5, 8]] = -1
     np.testing.assert_allclose(other.grid[0], signs[:, None, None] * mine.grid[0, :, :, ::-1], atol=1e-5)
@@ -261,8 +261,8 @@ def test_a_turned_state_is_seen_turned() -> None:
     """A quarter turn about the vertical exchanges what front and side show of the state."""
     one = state(3)
     turned = replace(one, x=one.x[:, [2, 1, 0]], v=one.v[:, [2, 1, 0]])
-    mine, other = (inputs([each], [AIM_3D], [None]).grid[0] for each in (one, turned))
-    of_state, count = slice(0, 8), channels(3)
+    mine, other = (inputs([each], [AIM_3D], [None], obstacles=False).grid[0] for each in (one, turned))
+    of_state, count = slice(0, 8), channels(3, obstacles=False)
     front, side = (slice(plane * count, (plane + 1) * count) for plane in (0, 1))
     np.testing.assert_allclose(other[side][of_state], mine[front][of_state], atol=1e-5)
     np.testing.assert_allclose(other[front][of_state], mine[side][of_state], atol=1e-5)

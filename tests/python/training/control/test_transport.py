@@ -1,19 +1,24 @@
 """Training of the transport network: that it learns, goes on after an interruption, and is exported."""
 
+import dataclasses
 from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
 from click.testing import CliRunner, Result
 
 from hybridmpm.cli import cli
+from hybridmpm.control.methods.learned.features import inputs
 from hybridmpm.control.methods.learned.network import TransportNetwork as ServedNetwork
+from hybridmpm.control.methods.learned.noise import smooth_noise
 from hybridmpm.control.methods.learned.spec import TransportSpec
-from hybridmpm.errors import DataError
+from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
 from hybridmpm.training.control import pasts, scene_files
+from hybridmpm.training.control.transport.beginning import Beginning
 from hybridmpm.training.control.transport.export import export_transport
 from hybridmpm.training.control.transport.supply import Stock, Supply, batch_at
 from hybridmpm.training.control.transport.trainer import TransportTrainer
@@ -193,7 +198,7 @@ def test_the_command_trains_and_the_export_answers_alike(
     rng = np.random.default_rng(2)
     for count in (1, 57, 400):
         sample = drawn(rng, mine, shortest=0.1, longest=0.4)
-        batch = batch_of(rng, [sample], count)
+        batch = batch_of(rng, [sample], count, obstacles=False)
         with torch.no_grad():
             wanted = torch_one.average(*batch.inputs, batch.noise, torch.tensor([0.25])).numpy()
         names = ("grid", "numbers", "particles", "places")
@@ -201,3 +206,49 @@ def test_the_command_trains_and_the_export_answers_alike(
         feed |= {"noisy": batch.noise.numpy(), "time": np.array([0.25], np.float32)}
         (found,) = served._session.run(["end"], feed)
         np.testing.assert_allclose(found, wanted, atol=2e-5)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_training_begins_with_a_network_of_the_library(
+    six: list[pasts.Past], four: list[pasts.Past], dim: int
+) -> None:
+    """Its answers in open space stay as they are, also where the training adds obstacles to what it sees."""
+    name, mine = f"transport_{dim}d", six if dim == 2 else four
+    beginning = Beginning.read(Path(name))
+    assert beginning.origin["command"].startswith("hybridmpm train control")
+    scenes = dataclasses.replace(beginning.spec.trained_on, obstacles=True)
+    spec = dataclasses.replace(beginning.spec, scenes=scenes)
+    served, sample = (
+        ServedNetwork.load(name),
+        drawn(np.random.default_rng(2), mine, shortest=0.1, longest=0.4),
+    )
+    wanted = sample.aim.to_own(served.ends(sample.state, sample.aim, seed=0, evaluations=1))
+    for own in (beginning.spec, spec):
+        one = TransportTrainer(own, TransportSettings(steps=9), CPU)
+        one.begin_with(beginning.weights_for(own, name))
+        given = [
+            torch.from_numpy(part)
+            for part in vars(inputs([sample.state], [sample.aim], [None], obstacles=own.obstacles)).values()
+        ]
+        noise = smooth_noise(np.random.default_rng(0), given[3][0].numpy().astype(np.float64))
+        with torch.no_grad():
+            found = one.average(*given, torch.from_numpy(noise[None]).float(), torch.zeros(1))[0].numpy()
+        np.testing.assert_allclose(found, wanted, atol=2e-4)
+
+
+def test_what_a_training_cannot_begin_with(tmp_path: Path) -> None:
+    beginning, data = Beginning.read(Path("transport_2d")), ServedNetwork.FOLDER.read("transport_2d")
+    with pytest.raises(ConfigError, match="transport_2d is for 2D, and the scenes are in 3D"):
+        beginning.weights_for(SPECS[3], "transport_2d")
+    seeing = dataclasses.replace(beginning, spec=TransportSpec(scenarios=("water_ramps_2d",)))
+    with pytest.raises(ConfigError, match="sees obstacles: add a scenario that has some"):
+        seeing.weights_for(SPECS[2], "mine")
+    model = onnx.load_from_string(data)
+    model.graph.initializer[0].name = "another"
+    files = {"half": data[:1000], "renamed": model.SerializeToString()}
+    for name, content in files.items():
+        (tmp_path / f"{name}.onnx").write_bytes(content)
+    with pytest.raises(DataError, match="no ONNX model, or damaged"):
+        Beginning.read(tmp_path / "half.onnx")
+    with pytest.raises(DataError, match="weights are not those of its network"):
+        Beginning.read(tmp_path / "renamed.onnx")

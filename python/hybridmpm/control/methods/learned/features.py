@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import moments
+from hybridmpm.control.goal.room import Room
 from hybridmpm.control.methods.learned.spec import CELLS
 
 PLANES: dict[int, tuple[tuple[int, int], ...]] = {2: ((0, 1),), 3: ((0, 1), (2, 1), (0, 2))}
@@ -31,9 +32,9 @@ _FARTHEST = {2: np.inf, 3: 4.0}
 Floats32 = npt.NDArray[np.float32]
 
 
-def channels(dim: int) -> int:
-    """Return the number of channels of a plane."""
-    return 10 if dim == 2 else 13
+def channels(dim: int, *, obstacles: bool) -> int:
+    """Return the number of channels of a plane, for networks that see obstacles and for others."""
+    return (10 if dim == 2 else 13) + 2 * obstacles
 
 
 def numbers(dim: int) -> int:
@@ -66,6 +67,9 @@ class State:
     """Upper corner of the walls (D,) [m]."""
     gravity: Floats
     """(D,) [m/s^2]."""
+    distance: Floats | None = None
+    """Signed distance of the nearest obstacle from the centre of each of the `CELLS` cells along each axis, D
+    axes [m]; None without obstacles."""
 
     @property
     def dim(self) -> int:
@@ -128,8 +132,22 @@ class Inputs:
     """Positions (B, P, D) between the walls, from -1 to 1."""
 
 
+def distances(room: Room) -> Floats | None:
+    """Return the distances of `State` for a room; None without obstacles."""
+    if not room.scene.obstacles:
+        return None
+    cells = (np.arange(CELLS) + 0.5) / CELLS
+    along = [lower + cells * (upper - lower) for lower, upper in zip(room.lower, room.upper, strict=True)]
+    points = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)
+    return room.distance(points.reshape(-1, len(along))).reshape(points.shape[:-1])
+
+
 def inputs(
-    states: Sequence[State], aims: Sequence[Aim], chosen: Sequence[npt.NDArray[np.int64] | None]
+    states: Sequence[State],
+    aims: Sequence[Aim],
+    chosen: Sequence[npt.NDArray[np.int64] | None],
+    *,
+    obstacles: bool,
 ) -> Inputs:
     """Return the inputs for some states of one dimension, one aim each.
 
@@ -139,8 +157,10 @@ def inputs(
     aims : sequence of Aim, of length B
     chosen : sequence of int64 (P,) or None, of length B
         Particles whose ends are wanted; None for all. P must be the same for all states.
+    obstacles : bool
+        Whether the network sees obstacles.
     """
-    each = [_inputs(*one) for one in zip(states, aims, chosen, strict=True)]
+    each = [_inputs(*one, obstacles=obstacles) for one in zip(states, aims, chosen, strict=True)]
     return Inputs(*(np.stack(column).astype(np.float32) for column in zip(*each, strict=True)))
 
 
@@ -150,13 +170,17 @@ def unit_places(x: Floats, lower: Floats, upper: Floats) -> Floats:
 
 
 def _inputs(
-    state: State, aim: Aim, chosen: npt.NDArray[np.int64] | None
+    state: State, aim: Aim, chosen: npt.NDArray[np.int64] | None, *, obstacles: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
     dim = state.dim
     seen = [raster(state, plane) for plane in PLANES[dim]]
-    grid = np.concatenate(
-        [_plane(state, aim, plane, one) for plane, one in zip(PLANES[dim], seen, strict=True)]
-    )
+    planes = [_plane(state, aim, plane, one) for plane, one in zip(PLANES[dim], seen, strict=True)]
+    if obstacles:
+        planes = [
+            np.concatenate([one, _solids(state, plane)])
+            for plane, one in zip(PLANES[dim], planes, strict=True)
+        ]
+    grid = np.concatenate(planes)
     mean, covariance = moments(state.x, state.weight)
     middle = (state.lower + state.upper) / 2
     root = np.zeros((2, 2)) if aim.root is None else aim.root
@@ -264,6 +288,23 @@ def _plane(state: State, aim: Aim, plane: tuple[int, int], seen: Raster) -> Floa
             np.clip(own / 4, -2, 2).transpose(2, 0, 1),
         ]
     )
+
+
+def _solids(state: State, plane: tuple[int, int]) -> Floats:
+    """Return what obstacles are on a plane (2, `CELLS`, `CELLS`).
+
+    The first channel is the share of a cell's column that they take. The second is how near the nearest one
+    is: 1 at its surface, 0 from `SCALE` on.
+    """
+    if state.distance is None:
+        return np.zeros((2, CELLS, CELLS))
+    side = (state.upper - state.lower).mean() / CELLS
+    across = tuple(axis for axis in range(state.dim) if axis not in plane)
+    order = (plane[1], plane[0], *across)  # rows along the vertical axis
+    away = state.distance.transpose(order).reshape(CELLS, CELLS, -1)
+    taken = np.clip(0.5 - away / side, 0.0, 1.0).mean(axis=-1)
+    near = np.clip(1 - away.min(axis=-1) / SCALE, 0.0, 1.0)
+    return np.stack([taken, near])
 
 
 def _sampled(field: Floats, places: Floats) -> Floats:

@@ -7,6 +7,7 @@ from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Oval, Region
+from hybridmpm.control.goal.room import Room
 from hybridmpm.control.methods.method import Task
 
 _OUTSIDE_LENGTH = 0.02
@@ -14,9 +15,7 @@ _OUTSIDE_LENGTH = 0.02
 _OUTSIDE = 0.25
 """Largest share of the mass that may have places outside."""
 _BLOCKED = 0.1
-"""Largest share of the mass on ways through obstacles, which the network does not see."""
-_POINTS = 8
-"""Points of a piece of a way that are held against obstacles."""
+"""Largest share of the mass on ways through obstacles, or without a way around them."""
 _MISSING = 0.25
 """Largest share of the mass that may miss the goal beyond that of the analytic plan."""
 _CELLS = 32
@@ -33,20 +32,16 @@ def objection(places: Floats, paths: Paths, task: Task) -> str | None:
     Parameters
     ----------
     places : (N, D)
-        Where the particles are to be [m], before they are moved between the walls.
+        Where the particles are to be [m], before they are moved between the walls and out of obstacles.
     paths : Paths
         The paths there.
     task : Task
         With the analytic plan in its goal, against which the plan is held.
     """
+    if (reason := _misplaced(places, paths, task.goal.room, task.goal.cloud.weight)) is not None:
+        return reason
     goal = task.goal
-    weight, room = goal.cloud.weight, goal.room
-    beyond = np.maximum(room.lower - places, places - room.upper).max(axis=1)
-    outside = float(weight @ (beyond > _OUTSIDE_LENGTH))
-    if outside > _OUTSIDE:
-        return f"the plan leads {100 * outside:.0f} % of the fluid out of the box"
-    if (blocked := _blocked(paths, task)) > _BLOCKED:
-        return f"the plan leads {100 * blocked:.0f} % of the fluid through obstacles"
+    weight = goal.cloud.weight
     # The disc at the tip of an arrow is a makeshift for a shape that does not fit there.
     if goal.drawn is not None and goal.region is not None:
         inside, analytic = (
@@ -64,15 +59,19 @@ def objection(places: Floats, paths: Paths, task: Task) -> str | None:
     return None
 
 
-def _blocked(paths: Paths, task: Task) -> float:
-    """Return the share of the mass on ways through obstacles; all ways have equally many corners."""
-    dim, groups = task.goal.cloud.dim, len(paths.weight)
-    corners = paths.corners.reshape(groups, -1, dim)
-    at = np.linspace(0, 1, _POINTS, endpoint=False)[1:, None, None, None]
-    points = corners[:, :-1] + at * np.diff(corners, axis=1)
-    points = np.concatenate([points.swapaxes(0, 1).reshape(groups, -1, dim), corners[:, -1:]], axis=1)
-    inside = task.goal.room.distance(points.reshape(-1, dim)).reshape(groups, -1) < 0
-    return float(paths.weight @ inside.any(axis=1))
+def _misplaced(places: Floats, paths: Paths, room: Room, weight: Floats) -> str | None:
+    """Return the objection that places lie, or ways lead, where no fluid can be; None if there is none."""
+    beyond = np.maximum(room.lower - places, places - room.upper).max(axis=1)
+    outside = float(weight @ (beyond > _OUTSIDE_LENGTH))
+    if outside > _OUTSIDE:
+        return f"the plan leads {100 * outside:.0f} % of the fluid out of the box"
+    within = float(weight @ (room.distance(places) < -_OUTSIDE_LENGTH))
+    if within > _OUTSIDE:
+        return f"the plan ends with {100 * within:.0f} % of the fluid in obstacles"
+    blocked = float(paths.weight @ (paths.blocked(room) | paths.cut_off))
+    if blocked > _BLOCKED:
+        return f"the plan leads {100 * blocked:.0f} % of the fluid through obstacles"
+    return None
 
 
 def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool_]:

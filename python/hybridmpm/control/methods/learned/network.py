@@ -44,7 +44,7 @@ class TransportNetwork(ServedNetwork):
             Steps in which the flow from noise to places is followed, by Euler's method.
         """
         steps = whole("evaluations", evaluations, 1, 20)
-        given = inputs([state], [aim], [None])
+        given = inputs([state], [aim], [None], obstacles=self.spec.obstacles)
         noisy = smooth_noise(np.random.default_rng(seed), given.places[0].astype(np.float64))[None]
         for step in range(steps):
             time = np.full(1, step / steps, dtype=np.float32)

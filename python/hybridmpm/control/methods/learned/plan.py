@@ -6,12 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.coarse.merging import balanced_clusters
-from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
-from hybridmpm.control.methods.learned.features import Aim, State
+from hybridmpm.control.methods.learned.features import Aim, State, distances
 from hybridmpm.control.methods.learned.guard import objection
 from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.learned.serving import serving
@@ -67,9 +66,7 @@ class Learned:
         network = serving(TransportNetwork, self._network, simulator.scene)
         aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
         try:
-            found = network.ends(
-                _state(simulator, goal.cloud), aim, seed=task.seed, evaluations=self._evaluations
-            )
+            found = network.ends(_state(simulator, goal), aim, seed=task.seed, evaluations=self._evaluations)
         except Exception as error:
             raise FallBack(f"the network failed: {error}") from error
         if not np.isfinite(found).all():
@@ -78,11 +75,14 @@ class Learned:
         places = fitted_in_view(found, goal.cloud.weight, aim.mean, covariance)
         group = _groups(goal)
         room = goal.room
-        inside = np.clip(places, room.lower, room.upper)
+        paths = Paths.straight(goal.cloud, room.freed(places), group)
         if goal.drawn is None:
-            paths = Paths.along(goal.path, goal.cloud, inside, group, lower=room.lower, upper=room.upper)
+            along = Paths.along(
+                goal.path, goal.cloud, paths.places, group, lower=room.lower, upper=room.upper
+            )
+            paths = paths.around(room) if along.blocked(room).any() else along
         else:
-            paths = Paths.straight(goal.cloud, inside, group)
+            paths = paths.around(room)
         if (reason := objection(places, paths, task)) is not None:
             raise FallBack(reason)
         return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(paths)
@@ -96,8 +96,8 @@ def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
     return balanced_clusters(x, min(_GROUPS, len(x)), seed=0).astype(np.uint32)
 
 
-def _state(simulator: Simulator, cloud: Cloud) -> State:
-    walls = simulator.scene.walls
+def _state(simulator: Simulator, goal: Goal) -> State:
+    walls, cloud = simulator.scene.walls, goal.cloud
     return State(
         x=cloud.x,
         v=cloud.v,
@@ -107,4 +107,5 @@ def _state(simulator: Simulator, cloud: Cloud) -> State:
         lower=np.array(walls.lower),
         upper=np.array(walls.upper),
         gravity=cloud.gravity,
+        distance=distances(goal.room),
     )

@@ -61,6 +61,11 @@ class TransportSpec:
         """Dimension D."""
         return self.trained_on.dim
 
+    @property
+    def obstacles(self) -> bool:
+        """Whether the network sees obstacles: there are some in its training data."""
+        return self.trained_on.obstacles
+
     def clipped(self, seconds: float) -> float:
         """Return the time nearest to `seconds` among those that the network is trained on [s]."""
         return min(max(seconds, self.shortest), self.longest)

@@ -8,7 +8,7 @@ from hybridmpm._support.networks import to_properties
 from hybridmpm.control.methods.learned.features import PLANES, channels, numbers, of_particle
 from hybridmpm.control.methods.learned.network import FORMAT, INPUTS, OUTPUT
 from hybridmpm.control.methods.learned.network import TransportNetwork as ServedNetwork
-from hybridmpm.control.methods.learned.spec import CELLS
+from hybridmpm.control.methods.learned.spec import CELLS, TransportSpec
 from hybridmpm.training.control.transport.network import TransportNetwork
 from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.onnx_program import exported
@@ -31,7 +31,7 @@ def export_transport(path: Path) -> Exported:
         FORMAT, spec=trainer.spec.to_dict(), training=training | {"parameters": str(count)}
     )
     return Exported(
-        data=to_onnx(trainer.average, trainer.spec.dim, properties),
+        data=to_onnx(trainer.average, trainer.spec, properties),
         training=training,
         parameters=count,
         folder=ServedNetwork.FOLDER,
@@ -44,11 +44,11 @@ def export_transport(path: Path) -> Exported:
     )
 
 
-def to_onnx(network: TransportNetwork, dim: int, properties: dict[str, str]) -> bytes:
-    """Return a transport network of a dimension as an ONNX model; the number of particles is free."""
-    batch, count = 1, 3
+def to_onnx(network: TransportNetwork, spec: TransportSpec, properties: dict[str, str]) -> bytes:
+    """Return a transport network as an ONNX model; the number of particles is free."""
+    batch, count, dim = 1, 3, spec.dim
     example = (
-        torch.zeros(batch, len(PLANES[dim]) * channels(dim), CELLS, CELLS),
+        torch.zeros(batch, len(PLANES[dim]) * channels(dim, obstacles=spec.obstacles), CELLS, CELLS),
         torch.zeros(batch, numbers(dim)),
         torch.zeros(batch, count, of_particle(dim)),
         torch.zeros(batch, count, dim),

@@ -9,6 +9,8 @@ from hybridmpm.control.methods.learned.spec import CELLS, TransportSpec
 
 _EMBEDDING = 64
 """Numbers that stand for the whole: state, sketch and time of the flow."""
+_MIDDLE = {2: 128, 3: 64}
+"""Width of the layer between what is found on the coarsest cells and that, by dimension."""
 _HIDDEN = 96
 """Width of the perceptron of a particle; its first layer is half as wide again in 3D."""
 _GROUPS = 4
@@ -39,11 +41,12 @@ class TransportNetwork(nn.Module):
             nn.Linear(numbers(dim) + 2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING), nn.SiLU()
         )
         self.plane = nn.Parameter(torch.randn(len(self.planes), _EMBEDDING) / 2)
-        self.first = nn.Conv2d(channels(dim) + dim, fine, 3, padding=1)
+        seen_on_plane = channels(dim, obstacles=spec.obstacles)
+        self.first = nn.Conv2d(seen_on_plane + dim, fine, 3, padding=1)
         inward = zip((fine, *levels), levels, strict=False)
         self.down = nn.ModuleList(_Block(before, after) for before, after in inward)
         self.middle = nn.Sequential(
-            nn.Linear(coarse * smallest**2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING)
+            nn.Linear(coarse * smallest**2, _MIDDLE[dim]), nn.SiLU(), nn.Linear(_MIDDLE[dim], _EMBEDDING)
         )
         outward = zip(levels[::-1], levels[-2::-1], strict=False)
         self.up = nn.ModuleList(_Block(below + beside, beside) for below, beside in outward)
@@ -61,7 +64,7 @@ class TransportNetwork(nn.Module):
             for weights in self.answer[-1].parameters():
                 weights.zero_()
             # Noise says nothing where it is all there is, so training begins without it.
-            self.first.weight[:, channels(dim) :] = 0.0
+            self.first.weight[:, seen_on_plane:] = 0.0
             reading.weight[:, seen + of_particle(dim) :][:, :dim] = 0.0
 
     def forward(  # noqa: PLR0917 - the exporter names inputs by their place

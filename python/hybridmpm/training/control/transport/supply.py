@@ -39,7 +39,7 @@ def batch_at(
     """
     rng = np.random.default_rng([settings.seed, step])
     samples = [drawn(rng, found, shortest=spec.shortest, longest=spec.longest) for _ in range(settings.batch)]
-    batch = batch_of(rng, samples, settings.particles)
+    batch = batch_of(rng, samples, settings.particles, obstacles=spec.obstacles)
     time = rng.random(settings.batch) * (rng.random(settings.batch) < settings.flow)
     return batch, torch.from_numpy(time.astype(np.float32))
 

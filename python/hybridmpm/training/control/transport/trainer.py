@@ -87,7 +87,9 @@ class TransportTrainer(Trainable[TransportNetwork]):
         rng = np.random.default_rng(0)
         found = []
         for first in range(0, len(samples), _CHUNK):
-            batch = batch_of(rng, samples[first : first + _CHUNK], 256).to(self.device)
+            batch = batch_of(rng, samples[first : first + _CHUNK], 256, obstacles=self.spec.obstacles).to(
+                self.device
+            )
             time = torch.zeros(len(batch.grid), device=self.device)
             with torch.no_grad():
                 answer = self.average(*batch.inputs, batch.noise, time)

@@ -76,8 +76,7 @@ def drawn(rng: np.random.Generator, pasts: Sequence[Past], *, shortest: float, l
         strides = usual if rng.random() < 0.5 else int(rng.integers(low, high, endpoint=True))
         start = int(rng.integers(strides, len(past.x)))
         state, end = past.state(start), past.positions(start - strides)
-        if not past.scene.obstacles:  # the network does not see them, and so not that they are mirrored
-            state, end = _turned(rng, state, end)
+        state, end = _turned(rng, state, end)
         mean, covariance = moments(end, state.weight)
         arrow = rng.random() < 0.5
         if np.linalg.norm(mean - state.weight @ state.x) >= _NEAREST:
@@ -133,10 +132,16 @@ def _strides(past: Past, shortest: float, longest: float) -> tuple[int, int, int
     return low, usual, high
 
 
-def batch_of(rng: np.random.Generator, samples: Sequence[Sample], particles: int) -> Batch:
-    """Return samples as a batch, each with as many of its particles, drawn at random."""
+def batch_of(
+    rng: np.random.Generator, samples: Sequence[Sample], particles: int, *, obstacles: bool
+) -> Batch:
+    """Return samples as a batch, each with as many of its particles, drawn at random.
+
+    `obstacles` as in `hybridmpm.control.methods.learned.features.inputs`.
+    """
     chosen = [_some(rng, len(sample.end), particles) for sample in samples]
-    seen = inputs([sample.state for sample in samples], [sample.aim for sample in samples], chosen)
+    states, aims = [sample.state for sample in samples], [sample.aim for sample in samples]
+    seen = inputs(states, aims, chosen, obstacles=obstacles)
     noise = np.stack([smooth_noise(rng, places) for places in seen.places.astype(np.float64)])
     pairs = list(zip(samples, chosen, strict=True))
     target = np.stack([sample.aim.to_own(sample.end[rows]) for sample, rows in pairs])
@@ -158,5 +163,8 @@ def _turned(rng: np.random.Generator, state: State, end: Floats) -> tuple[State,
     sign = np.ones(state.dim)
     sign[level] = rng.choice([-1.0, 1.0], len(level))
     shift = np.where(sign < 0, state.lower + state.upper, 0.0)
-    x, v = state.x[:, order], state.v[:, order]
-    return replace(state, x=shift + sign * x, v=sign * v), shift + sign * end[:, order]
+    x, v, distance = state.x[:, order], state.v[:, order], state.distance
+    if distance is not None:
+        distance = np.flip(distance.transpose(order), tuple(np.flatnonzero(sign < 0)))
+    turned = replace(state, x=shift + sign * x, v=sign * v, distance=distance)
+    return turned, shift + sign * end[:, order]
