@@ -24,7 +24,8 @@ LIMITS = {
     # 460 lines write pages that play, with texts, ways of sketches, and the geometry of probes.
     # 95 lines read sketches in worlds of any size, and end builds midway.
     # 50 lines let transfers lose at a rate per time, and say what that costs and lets through.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 36_895),
+    # 195 lines show obstacles to networks of control, lead plans around them, and train exported networks on.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_090),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -57,7 +58,8 @@ LIMITS = {
     # 140 lines make a release and the documentation, and try both; 240 read metrics and call through a proxy;
     # 220 kill, drain and join nodes; 80 run the Python of documents; 240 steer in worlds of any size, and end
     # builds midway; 30 keep bytes in order; 60 draw tanks in their own proportions.
-    "tests": (("tests/**.py",), 32_205),
+    # 220 lines are for learned plans among obstacles, and for trainings that begin with exported networks.
+    "tests": (("tests/**.py",), 32_425),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
