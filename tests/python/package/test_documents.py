@@ -1,6 +1,7 @@
-"""The Python of the documents runs as it stands, page by page, from top to bottom."""
+"""The Python and the commands of the documents run, page by page, from top to bottom."""
 
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -74,3 +75,32 @@ def test_the_python_of_the_service_runs(tmp_path: Path) -> None:
     with LiveService() as service:
         code = "\n".join(blocks(SERVICE, "python")).replace("http://127.0.0.1:8000", service.url)
         run(sys.executable, "-c", code, folder=tmp_path)
+
+
+SMALL = {"scenes": 4, "trajectories": 2, "steps": 3, "valid": 2, "until": 2}
+"""Numbers that would let a command run for hours."""
+
+
+def commands(page: str) -> list[list[str]]:
+    """Return the calls of the program `hybridmpm` on a page, made small."""
+    lines = [line for code in blocks(page, "sh") for line in code.splitlines()]
+    text = [line.partition("  #")[0] for line in lines if line.startswith("hybridmpm ")]
+    for option, number in SMALL.items():
+        text = [re.sub(rf"--{option} [0-9]+", f"--{option} {number}", line) for line in text]
+    return [shlex.split(line)[1:] for line in text if " serve" not in line]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(
+    "page", [str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs" / "guide").glob("*.md"))]
+)
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    called = commands(page)
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    (tmp_path / "lesson.md").write_text("# A lesson\n", encoding="utf-8")
+    # The calibration stays in the folder of the test.
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with_a_scene(tmp_path)
+    for command in called:
+        run(sys.executable, "-W", "ignore", "-m", "hybridmpm", *command, folder=tmp_path)
