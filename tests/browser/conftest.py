@@ -103,6 +103,10 @@ class LiveService:
         """Post JSON to a path and return the answer's."""
         return httpx.post(self.url + path, json=body, timeout=120).raise_for_status().json()
 
+    def end(self, session: str) -> None:
+        """Delete a session."""
+        httpx.delete(f"{self.url}/v1/sessions/{session}").raise_for_status()
+
     def advance(self, session: str, frames: int) -> Any:
         """Advance a session and return its description."""
         return self.post(f"/v1/sessions/{session}/advance", {"frames": frames})
@@ -137,6 +141,8 @@ class Visit:
             return
         self.page.mouse.up()
         self.page.unroute_all()
+        if self.page.url.startswith("http"):
+            self.page.evaluate("localStorage.clear()")
         self.page.goto("about:blank")
         self.page.remove_listener("pageerror", self.note_error)
         self.page.remove_listener("console", self.note_line)
@@ -240,9 +246,9 @@ def tab(browser: Browser) -> Iterator[Page]:
 def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Open]:
     """Open the page of the service, and find at the end that no page complained in its console.
 
-    A test's first page is loaded into the shared tab, which is empty before and after; the page stores
-    nothing. What a test wants to `prepare` stays with a tab, so such a page gets one of its own. The function
-    returns once `until` holds, an expression as of `Visit.wait_for`, and the page rests at a frame.
+    A test's first page is loaded into the shared tab, which is empty before and after. What a test wants to
+    `prepare` stays with a tab, so such a page gets one of its own. The function returns once `until` holds,
+    an expression as of `Visit.wait_for`, and the page rests at a frame.
     """
     visits: list[Visit] = []
 

@@ -67,12 +67,3 @@ def test_joined_session_stays_when_the_page_leaves(open_page: Open, service: Liv
     visit.page.goto("about:blank")
     visit.page.wait_for_timeout(500)
     assert service.get(f"/v1/sessions/{session}")["frame"] == 4
-
-
-def test_unknown_scenario_is_explained(open_page: Open) -> None:
-    visit = open_page("scenario=lava_9d&renderer=canvas2d", until="body.state === 'failed'")
-    assert "could not be started" in (visit.page.get_by_role("alert").text_content() or "")
-    assert "lava_9d" in (visit.page.locator(".toast").text_content() or "")
-    visit.page.locator("#scenario").select_option("water_2d")
-    visit.wait_for(LIVE)
-    visit.errors.clear()  # the browser itself reports the status of the refusal

@@ -77,19 +77,23 @@ def test_another_scenario_replaces_the_session(open_page: Open, service: LiveSer
     visit = open_page(until=LIVE)
     first = visit.session
     visit.page.locator("#seed").fill("7")
-    visit.page.locator("#scenario").select_option("water_sand_2d")
+    with visit.page.expect_request(lambda one: one.method == "DELETE") as left:
+        visit.page.locator("#scenario").select_option("water_sand_2d")
     visit.wait_for(f"body.session !== '{first}' && {LIVE}")
     now = service.get(f"/v1/sessions/{visit.session}")
     assert (now["scenario"], now["seed"]) == ("water_sand_2d", 7)
     assert "scenario=water_sand_2d&seed=7" in visit.page.url
-    visit.eventually(lambda: _is_gone(service, first))
+    # For a minute the browser's Back finds it.
+    assert left.value.url == f"{service.url}/v1/sessions/{first}?after=60"
 
 
-def test_leaving_the_page_deletes_the_session(open_page: Open, service: LiveService) -> None:
+def test_leaving_the_page_lets_the_session_end(open_page: Open, service: LiveService) -> None:
     visit = open_page(until=LIVE)
     session = visit.session
-    visit.page.goto("about:blank")
-    visit.eventually(lambda: _is_gone(service, session))
+    with visit.page.expect_request(lambda one: one.method == "DELETE") as left:
+        visit.page.goto("about:blank")
+    assert left.value.url == f"{service.url}/v1/sessions/{session}?after=60"
+    visit.eventually(lambda: not service.get(f"/v1/sessions/{session}")["playing"])
 
 
 @pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
@@ -148,10 +152,6 @@ def test_every_module_is_loaded_at_once_or_on_demand_and_the_page_stays_small() 
         path for path in folder.rglob("*.*") if path.relative_to(folder).parts[0] + "/" not in ON_DEMAND
     )
     assert sum(len(gzip.compress(path.read_bytes())) for path in at_once) < 90_000
-
-
-def _is_gone(service: LiveService, session: str) -> bool:
-    return httpx.get(f"{service.url}/v1/sessions/{session}").status_code == httpx.codes.NOT_FOUND
 
 
 @pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])

@@ -138,7 +138,7 @@ def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> No
 @pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
 def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
     visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1", until=LIVE)
-    for size, side in zip((*SIZES, ON_ITS_SIDE), (770, 510, 600, 390, 340), strict=True):
+    for size, side in zip((*SIZES, ON_ITS_SIDE), (770, 510, 550, 390, 340), strict=True):
         visit.page.set_viewport_size(size)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]
         boxes = [_box(button) for button in visit.page.locator(".toolbar button:visible").all()]

@@ -1,6 +1,7 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
-import { request } from "./net/api.js";
+import { goTo, keep, kept, placeOf } from "./address.js";
+import { Problem, request } from "./net/api.js";
 import { Polled } from "./net/polled.js";
 import { decodeFrame, decodeTypes, ProtocolError, SAND, WATER } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
@@ -8,8 +9,8 @@ import { bindAppearance, bindColours, offerPressure, showHighest } from "./panel
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } from "./panels/scene-panel.js";
-import { asCoarse, chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
+import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
+import { chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
@@ -22,25 +23,23 @@ import { Tools } from "./tools.js";
 const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
-const hasLog = (hash) => hash.startsWith("#replay=");
+const LONGEST_ADDRESS = 60_000; // that browsers and messengers pass on whole
 const VOLUME_EVERY = 10; // shown frames from one measurement of the volume to the next
-const isSeed = (text) => /^\d{1,9}$/.test(text);
-const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
+/** The scenario of a place, with what it leaves open. */
+const choiceOf = ({ scenario = "water_2d", seed = 0, solver = "mpm", coarse = null }) => ({ scenario, seed, solver, coarse });
 /** The session that the page shows. */
 const shown = {
-  chosen: {
-    scenario: query.get("scenario") ?? "water_2d",
-    seed: isSeed(query.get("seed") ?? "") ? Number(query.get("seed")) : 0,
-    solver: asSolver(query.get("solver")),
-    coarse: asCoarse(query.get("coarse")),
-  },
+  place: {}, // where it is, as in address.js
+  arrivals: 0, // number of the present place; what was asked for at another comes too late
+  arriving: false, // whether the place is one that an address asked for, and has not been refused
+  chosen: choiceOf({}),
   id: null,
   scene: null, // from the hello message, in lengths of its world
   length: 1, // longest side of the world [m]
   playing: null, // null as long as it is unknown
   speed: 0.25, // simulated seconds per second that the player aims at
   centroid: null, // centre of mass in the newest status; null where there is no particle
-  startsPlaying: false, // whether to play once the session is live: this page has created it
+  startsPlaying: null, // whether to play once the session is live; null leaves it as it is
   watches: false, // whether the page only shows a session of another visitor
   replays: false, // whether the session that is being created is a run computed again
   message: null, // the newest binary frame, until it is shown
@@ -122,14 +121,18 @@ function onState(state, { seconds, problem }) {
   messages.showBanner(bannerOf(state, seconds, problem));
   refreshSteering();
   if (state === "connecting") messages.showSkeleton("Connecting to the simulation");
-  if (state === "failed") {
+  if (state === "failed" && shown.arriving && problem.status === 422) {
+    // An address that was mistyped, or is of another server.
+    startInstead({ title: "The address cannot be shown", detail: problem.detail });
+  } else if (state === "failed") {
     messages.showSkeleton("No simulation");
     messages.toast(problem);
   }
 }
 
 function bannerOf(state, seconds, problem) {
-  const again = () => startScene(shown.chosen);
+  // The session of a link does not come back; what the address names does.
+  const again = () => (shown.place.watch ?? shown.place.session) === undefined ? arrive() : startScene(shown.chosen);
   switch (state) {
     case "reconnecting":
       return {
@@ -163,8 +166,12 @@ function onHello(hello) {
   setPlaying(hello.session.playing);
   if (shown.replays) showReplay(hello.session);
   shown.replays = false;
-  if (shown.startsPlaying || resumes) session.send({ type: "play" });
-  shown.startsPlaying = false;
+  const plays = shown.startsPlaying ?? (resumes ? true : null);
+  // A command also keeps a session that the page had left for a moment.
+  if (plays !== null) session.send({ type: plays ? "play" : "pause" });
+  shown.startsPlaying = null;
+  shown.arriving = false;
+  if (!shown.watches && shown.place.session === undefined) keep({ session: shown.id });
 }
 
 function showReplay({ frame, notice }) {
@@ -185,6 +192,8 @@ function showSession(hello) {
   steering.clear();
   tools.setScene(shown.scene);
   showFindings(hello.session.findings);
+  const { scenario: from, seed: drawn } = hello.session;
+  document.title = `${from ? `${titleOf(from)}, seed ${drawn}` : capitalised(shown.scene.name || "your scene")} - hybridmpm`;
   if (!hello.session.scenario) {
     showOwnScene(shown.scene.name || "Your scene");
     showChoice({ scenario: "", solver: hello.session.solver, coarse: hello.session.coarse });
@@ -211,6 +220,7 @@ function setPlaying(value) {
   shown.drawnAt = [];
   shown.playing = value;
   controls.showPlaying(value);
+  keep({ plays: value });
   refreshSteering();
 }
 
@@ -259,36 +269,56 @@ function measureDrawing() {
 // ---- from the user ----
 
 /**
- * Leave the session for another one, and play it.
+ * Leave the session for another one.
  *
+ * @param place where the other one is, as in address.js
+ * @param body of POST /v1/sessions
  * @param itsPreset sketch that draws itself, as in presets.js; null without one
  * @param plays whether it plays by itself
+ * @param replaces whether the present entry of the browser's history is replaced
  */
-function startScene(wanted, { itsPreset = null, plays = true } = {}) {
+function start(place, body, { itsPreset = null, plays = true, replaces = false } = {}) {
+  const arrival = take(place, itsPreset);
+  const isOwn = place.gallery === undefined && body.scenario === undefined;
+  goTo(place, isOwn ? { own: body } : {}, { replaces });
+  shown.arriving = replaces;
+  shown.startsPlaying = plays;
+  shown.replays = "log" in body;
+  // A dialog that was closed by a choice gives the keys to the picture, not back to its button.
+  if (document.activeElement.ariaHasPopup === "dialog") document.getElementById("overlay").focus({ preventScroll: true });
+  session.start(body);
+  return arrival;
+}
+
+/** Take the picture for another session; returns the number of the place. */
+function take(place, itsPreset = null) {
+  shown.place = place;
+  shown.message = null;
+  presenter.set(itsPreset);
+  setWatching(place.watch !== undefined);
+  steering.clear();
+  shown.arrivals += 1;
+  return shown.arrivals;
+}
+
+/** Leave the session for a scenario, with the options of `start` and, for presets, their names in the address. */
+function startScene(wanted, options = {}, names = {}) {
   if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
     messages.toast({ title: "Invalid seed", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
   }
-  const solver = solverFor(wanted.scenario, wanted.solver ?? chosenSolver());
+  const { scenario, seed } = wanted;
+  const solver = solverFor(scenario, wanted.solver ?? chosenSolver());
   const coarse = wanted.coarse === undefined ? chosenCoarse() : wanted.coarse;
-  shown.chosen = { ...wanted, solver, coarse: solver === "mpm" ? coarse : null };
+  shown.chosen = { scenario, seed, solver, coarse: solver === "mpm" ? coarse : null };
   showChoice(shown.chosen);
-  const address = new URL(window.location.href);
-  address.hash = "";
-  for (const name of ["coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
-  for (const [name, value] of Object.entries(shown.chosen)) {
-    if (value !== null) address.searchParams.set(name, String(value));
-  }
-  for (const [name, preset] of PIPELINES) {
-    if (itsPreset === preset) address.searchParams.set("preset", name);
-  }
-  window.history.replaceState(null, "", address);
-  presenter.set(itsPreset);
-  setWatching(false);
-  steering.clear();
-  shown.message = null;
-  shown.startsPlaying = plays;
-  session.start(shown.chosen);
+  start({ ...shown.chosen, ...names }, shown.chosen, options);
+}
+
+/** Start a preset, whose name the address has. */
+function startPreset(preset, options = {}) {
+  const [name] = [...PIPELINES].find(([, one]) => one === preset) ?? [];
+  startScene(preset.scene, { itsPreset: preset, ...options }, { preset: name });
 }
 
 /** Show another visitor's session, without tools that change it, or end that. */
@@ -298,32 +328,107 @@ function setWatching(value) {
   document.getElementById("watching").hidden = !value;
 }
 
-/** Leave the session for a scene or a run from a file, a link or the builder. */
-function openOwn(body, hash = "") {
-  const address = new URL(window.location.href);
-  for (const name of ["scenario", "seed", "solver", "coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
-  address.hash = hash;
-  window.history.replaceState(null, "", address);
-  presenter.set(null);
-  setWatching(false);
-  steering.clear();
-  shown.message = null;
-  shown.startsPlaying = "scene" in body;
-  shown.replays = "log" in body;
-  session.start(body);
+/**
+ * Leave the session for a scene or a run from the gallery, a file or the builder.
+ *
+ * @param body of POST /v1/sessions
+ * @param place where it is; a scene without one gets an address that contains it
+ */
+async function openOwn(body, place = {}, { plays = true, replaces = false } = {}) {
+  const isScene = "scene" in body;
+  const arrival = start(place, body, { plays: isScene && plays, replaces });
+  if ([place.gallery, place.packed, place.replay].some((one) => one !== undefined)) return;
+  const { packed } = await import("./share/log-link.js");
+  const hash = `#${isScene ? await packed("scene", body) : await packed("replay", body.log)}`;
+  // What is too large for an address stays beside it, in this tab.
+  if (arrival !== shown.arrivals || hash.length > LONGEST_ADDRESS) return;
+  shown.place = { ...place, [isScene ? "packed" : "replay"]: hash };
+  goTo(shown.place, kept(), { replaces: true });
 }
 
-async function openLink(hash) {
+/** Show the start scene, and say why it is shown. */
+function startInstead({ title, detail }) {
+  messages.toast({ title, detail, advice: "The start scene is shown.", hint: true });
+  startScene(WELCOME.scene, { plays: !reducedMotion.matches, replaces: true });
+  shown.arriving = false;
+}
+
+// ---- from the address ----
+
+const DAMAGED = {
+  replay: ["This link is damaged", "A part of the run in it is missing or changed. Ask for a new link."],
+  packed: ["This link is damaged", "A part of the scene in it is missing or changed. Ask for a new link."],
+  gallery: ["Not in the gallery", "The gallery has no scene of the name in the address."],
+  demo: ["Not in the gallery", "The gallery has no demonstration of the name in the address."],
+};
+
+/** What is at a place: {body} or {preset}; null for a scenario. */
+async function contentOf(place) {
+  if (place.replay !== undefined || place.packed !== undefined) {
+    const { unpacked } = await import("./share/log-link.js");
+    const value = await unpacked(place.replay ?? place.packed);
+    return { body: place.replay === undefined ? value : { log: value } };
+  }
+  const { demonstration, exhibit } = await import("./gallery/panel.js");
+  if (place.demo !== undefined) return { preset: await demonstration(place.demo) };
+  const { scene, coarse } = await exhibit(place.gallery);
+  const level = place.coarse ?? coarse;
+  return { body: level === undefined ? { scene } : { scene, coarse: level } };
+}
+
+/** Show what the address asks for. Where motion is to be reduced, nothing plays by itself. */
+async function arrive() {
+  const { place, faults } = placeOf(new URL(window.location.href));
+  for (const fault of faults) messages.toast({ ...fault, hint: true });
+  const { session: running, plays: played, own } = kept();
+  const plays = !reducedMotion.matches;
+  const options = { plays, replaces: true };
+  const arrival = take(place);
+  shown.arriving = true;
+  shown.chosen = choiceOf(place);
+  if (running !== undefined && (await goesOn(running))) {
+    if (arrival !== shown.arrivals) return;
+    shown.startsPlaying = played === true;
+    session.attach(running, { owned: true });
+    return;
+  }
+  if (arrival !== shown.arrivals) return;
+  const special = Object.keys(DAMAGED).find((name) => place[name] !== undefined);
+  if (own !== undefined) {
+    openOwn(own, place, options);
+  } else if (special !== undefined) {
+    messages.showSkeleton("Opening the scene");
+    try {
+      const { body, preset } = await contentOf(place);
+      if (arrival !== shown.arrivals) return;
+      if (preset === undefined) openOwn(body, place, options);
+      else startScene(preset.scene, { itsPreset: preset, ...options }, { demo: place.demo });
+    } catch (problem) {
+      if (arrival !== shown.arrivals) return;
+      const [title, detail] = DAMAGED[special];
+      startInstead(problem instanceof Problem && problem.status !== 404 ? problem : { title, detail });
+    }
+  } else if (place.preset !== undefined) {
+    const preset = PIPELINES.get(place.preset);
+    if (preset === undefined) startInstead({ title: "Unknown preset in the address", detail: `There is ${[...PIPELINES.keys()].join(" and ")}.` });
+    else modelsKnown.then(() => startPreset(preset, options));
+  } else if (place.watch !== undefined || place.session !== undefined) {
+    session.attach(place.watch ?? place.session, { watches: place.watch !== undefined });
+  } else if (Object.keys(place).length === 0) {
+    startScene(WELCOME.scene, { ...options, itsPreset: plays && faults.length === 0 ? WELCOME : null });
+  } else {
+    if (shown.chosen.solver !== "mpm") await modelsKnown;
+    if (arrival === shown.arrivals) startScene(shown.chosen, options);
+  }
+}
+
+/** Whether the server still has a session. */
+async function goesOn(id) {
   try {
-    const { unpackedLog } = await import("./share/log-link.js");
-    openOwn({ log: await unpackedLog(hash) }, hash);
-  } catch {
-    messages.toast({
-      title: "This link is damaged",
-      detail: "A part of the run in it is missing or changed.",
-      advice: "Ask for a new link. The start scene is shown.",
-    });
-    startScene(WELCOME.scene, { plays: !reducedMotion.matches });
+    await request("GET", `/v1/sessions/${encodeURIComponent(id)}`);
+    return true;
+  } catch (problem) {
+    return problem.status !== 404;
   }
 }
 
@@ -375,7 +480,8 @@ bindScene(async (wanted) => {
   // A scene of your own stays; only its simulator changes.
   const log = await session.log();
   const coarse = chosenCoarse();
-  openOwn({ scene: log.scene, ...(coarse === null ? {} : { coarse }) });
+  const { gallery } = shown.place;
+  openOwn({ scene: log.scene, ...(coarse === null ? {} : { coarse }) }, gallery === undefined ? {} : { gallery, coarse });
 });
 // Rarely used parts are loaded on demand.
 const planned = {
@@ -388,7 +494,7 @@ document.getElementById("planner-open").addEventListener("click", async () => {
 });
 document.getElementById("gallery-open").addEventListener("click", async () => {
   const { openGallery } = await import("./gallery/panel.js");
-  const show = (preset) => startScene(preset.scene, { itsPreset: preset });
+  const show = (preset, demo) => startScene(preset.scene, { itsPreset: preset }, { demo });
   openGallery({ open: openOwn, show, toast: messages.toast });
 });
 document.getElementById("build-open").addEventListener("click", async () => {
@@ -410,7 +516,7 @@ bindToolPanel((wanted) => {
   forces.wanted = wanted;
 });
 for (const [id, preset] of PIPELINES) {
-  document.getElementById(id).addEventListener("click", () => startScene(preset.scene, { itsPreset: preset }));
+  document.getElementById(id).addEventListener("click", () => startPreset(preset));
 }
 for (const kind of ["pointerdown", "keydown", "wheel"]) {
   document.addEventListener(kind, () => presenter.interrupt(), { capture: true, passive: true });
@@ -431,37 +537,7 @@ modelsKnown.then(() => {
   document.getElementById("preset").hidden = solverFor(PIPELINE.scene.scenario) === "mpm";
   document.getElementById("pipeline-3d").hidden = solverFor(PIPELINE_3D.scene.scenario) === "mpm";
 });
-/** Begin with the scene in the address. Where motion is to be reduced, nothing plays by itself. */
-function begin() {
-  const plays = !reducedMotion.matches;
-  if (query.has("seed") && !isSeed(query.get("seed"))) {
-    messages.toast({
-      title: "Invalid seed in the address",
-      detail: `A seed is a whole number from 0 to 999 999 999, not "${query.get("seed").slice(0, 40)}".`,
-      advice: "Seed 0 is shown. Choose another one in the scene panel.",
-      hint: true,
-    });
-  }
-  const hasAny = (...names) => names.some((name) => query.has(name));
-  if (hasLog(window.location.hash)) {
-    openLink(window.location.hash);
-  } else if (PIPELINES.has(query.get("preset"))) {
-    const preset = PIPELINES.get(query.get("preset"));
-    modelsKnown.then(() => startScene(preset.scene, { itsPreset: preset, plays }));
-  } else if (query.has("watch")) {
-    setWatching(true);
-    session.attach(query.get("watch"), { watches: true });
-  } else if (query.has("session")) {
-    session.attach(query.get("session"));
-  } else if (!hasAny("scenario", "seed", "solver", "coarse")) {
-    startScene(WELCOME.scene, { itsPreset: plays ? WELCOME : null, plays });
-  } else if (shown.chosen.solver === "mpm") {
-    startScene(shown.chosen, { plays });
-  } else {
-    modelsKnown.then(() => startScene(shown.chosen, { plays }));
-  }
-}
-begin();
+arrive();
 request("GET", "/v1/scenarios").then(
   (answer) => showScenarios(answer.scenarios, shown.chosen),
   () => {
@@ -470,9 +546,8 @@ request("GET", "/v1/scenarios").then(
 );
 requestAnimationFrame(animate);
 setInterval(measureDrawing, 500);
-window.addEventListener("hashchange", () => {
-  if (hasLog(window.location.hash)) openLink(window.location.hash);
-});
+// The browser's Back and Forward, and a link that changes the part behind the # alone.
+window.addEventListener("popstate", arrive);
 window.addEventListener("pagehide", (event) => {
   if (!event.persisted) session.dispose();
 });

@@ -1,6 +1,8 @@
 """Routes that create, describe, advance and delete sessions."""
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
 
 from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
@@ -24,6 +26,15 @@ from hybridmpm_service.sessions.turns import Turns
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)
 
+After = Annotated[
+    float,
+    Query(
+        ge=0,
+        le=600,
+        description="Seconds until the session ends. A command on one of its streams before that keeps it. "
+        "It ends earlier where a new session needs the room.",
+    ),
+]
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _NPZ_CONTENT = {NPZ: _BINARY}
 _PARTICLES_CONTENT = {NPZ: _BINARY, PLY: _BINARY, VTP: _BINARY}
@@ -88,10 +99,13 @@ async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBod
     return PressureBody.of(await sessions.get(session_id).pressure())
 
 
-@router.delete("/{session_id}", status_code=204, responses=problems(404, 503))
-async def delete_session(session_id: SessionId, sessions: Sessions) -> None:
-    """End a session; its streams close with code 4404."""
-    await sessions.delete(session_id)
+@router.delete("/{session_id}", status_code=204, responses=problems(404, 422, 503))
+async def delete_session(session_id: SessionId, sessions: Sessions, *, after: After = 0.0) -> None:
+    """End a session, at once or after a time; its streams close with code 4404."""
+    if after > 0:
+        sessions.end_later(session_id, after)
+    else:
+        await sessions.delete(session_id)
 
 
 @router.post(

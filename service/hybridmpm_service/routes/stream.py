@@ -160,6 +160,7 @@ async def _receive(
             if text is None:
                 raise FieldError("message", "must be text with a JSON command, got binary data")
             command = COMMAND.validate_python(read_json(text, "message"))
+            session.ends_at = None
             await _execute(command, session, mailbox, limits)
         except ValidationError as err:
             mailbox.put_problem(_refusal(err))

@@ -84,6 +84,7 @@ class SessionManager:
         self.machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
+        self._sweeps: set[asyncio.Task[None]] = set()
         self._being_made = 0
 
     @property
@@ -271,8 +272,27 @@ class SessionManager:
         del self._sessions[session.id]
         await _soon([ending])
 
+    def end_later(self, name: str, seconds: float) -> None:
+        """End a session after a time, or earlier for a new one, unless a viewer commands it before.
+
+        Raises
+        ------
+        SessionNotFoundError
+            The session does not exist, or no longer.
+        """
+        session = self.get(name)
+        session.ends_at = self.clock() + seconds
+
+        async def end() -> None:
+            await asyncio.sleep(seconds)
+            await self.expire()
+
+        sweep = asyncio.get_running_loop().create_task(end())
+        self._sweeps.add(sweep)
+        sweep.add_done_callback(self._sweeps.discard)
+
     async def expire(self) -> None:
-        """End the sessions without viewers or calls for `idle_seconds`; wait as `delete` does."""
+        """End the sessions that were left, or not used for `idle_seconds`; wait as `delete` does."""
         endings = []
         for session in [session for session in self._sessions.values() if self._is_idle(session)]:
             try:
@@ -290,12 +310,20 @@ class SessionManager:
         if self.retiring:
             return UnavailableError("this node is being drained: it keeps its sessions and takes no new ones")
         limit = self._settings.max_sessions
-        # Sessions that end take memory and a core as long as their threads run.
-        if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
+        if self._taken() - len(self._left()) >= limit:
             return TooManySessionsError(
                 f"all {limit} sessions are in use; delete one, or wait until one expires"
             )
         return self.machine.full()
+
+    def _taken(self) -> int:
+        # Sessions that end take memory and a core as long as their threads run.
+        return len(self.all()) + len(self._reviving) + self._being_made + len(self._ending)
+
+    def _left(self) -> list[Session]:
+        """Return the sessions that their clients have left, the one that ends first at the start."""
+        left = [session for session in self.all() if session.ends_at is not None]
+        return sorted(left, key=lambda session: session.ends_at or 0.0)
 
     @property
     def watched(self) -> bool:
@@ -319,6 +347,8 @@ class SessionManager:
     async def close(self) -> None:
         """End all sessions, and wait for the threads of all that have ended."""
         self.drain()
+        for sweep in self._sweeps:
+            sweep.cancel()
         while self._sessions:
             _, session = self._sessions.popitem()
             self._end(session, CLOSE_GOING_AWAY, "the server stops", keep=True)
@@ -332,6 +362,9 @@ class SessionManager:
         refusal = self.why_full()
         if refusal is not None:
             raise refusal
+        if self._taken() >= self._settings.max_sessions:
+            self._left()[0].ends_at = self.clock()
+            await self.expire()
 
     def _admitted(self, choice: SolverChoice, scene: Scene, scenario: str | None) -> ChosenSolver:
         """Return the simulator of a new session whose estimated load fits."""
@@ -463,8 +496,10 @@ class SessionManager:
         return ending
 
     def _is_idle(self, session: Session) -> bool:
-        unused = self.clock() - session.last_used
-        return not session.needed and unused > self._settings.idle_seconds
+        now = self.clock()
+        if session.ends_at is not None and now >= session.ends_at:
+            return True
+        return not session.needed and now - session.last_used > self._settings.idle_seconds
 
 
 async def _soon(endings: list[asyncio.Task[None]]) -> None:

@@ -72,6 +72,8 @@ class Session:
         Viewers; only those that join by `viewer` can keep the session alive.
     last_used : float
         Time of the latest use, on the session's clock [s].
+    ends_at : float or None
+        Time at which the session ends, on its clock [s]; None where its client has not left it.
     """
 
     def __init__(
@@ -96,6 +98,7 @@ class Session:
         self.view = simulation.view()
         self.audience = Audience()
         self.last_used = clock()
+        self.ends_at: float | None = None
         self._clock = clock
         self._estimate = estimate
         self._player = Player(

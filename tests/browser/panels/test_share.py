@@ -145,8 +145,8 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     player.page.get_by_role("button", name="Play", exact=True).click()
     viewer.wait_for(f"Number(body.frame) > {player.frame}")
     assert service.get(f"/v1/sessions/{player.session}/log")["inputs"] == inputs
-    # When the player leaves, the viewer is told, and may start anew.
-    player.page.goto("about:blank")
+    # When the session ends, the viewer is told, and may start anew.
+    service.end(player.session)
     viewer.wait_for("body.state === 'lost'")
     banner = viewer.page.locator("#banner")
     expect(banner).to_contain_text("This simulation has ended.")

@@ -192,6 +192,16 @@ def test_a_deleted_session_closes_with_4404(service: Any) -> None:
         assert stream.end() == 4404
 
 
+def test_a_session_that_was_left_closes_after_its_time(service: Any) -> None:
+    path = service.create()
+    assert service.http.delete(f"{path}?after=601").status_code == 422
+    with service.stream(path) as stream:
+        stream.receive()
+        assert service.http.delete(f"{path}?after=0.2").status_code == 204
+        assert stream.end() == 4404
+    assert service.http.get(path).status_code == 404
+
+
 def test_a_foreign_page_cannot_open_a_stream(service: Any, path: str) -> None:
     own = f"http://{service.address}"
     with service.stream(path, origin=own) as stream:

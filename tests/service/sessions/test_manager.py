@@ -64,6 +64,33 @@ async def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_l
     assert manager.all() == []
 
 
+async def test_a_session_that_was_left_ends_unless_it_is_commanded(manage: Manage, clock: Clock) -> None:
+    manager = manage()
+    left, back = await manager.create(SOURCE), await manager.create(SOURCE)
+    with left.viewer() as mailbox:
+        manager.end_later(left.id, 60)
+        manager.end_later(back.id, 60)
+        clock.now = 59
+        await manager.expire()
+        assert len(manager.all()) == 2
+        back.ends_at = None
+        clock.now = 60
+        await manager.expire()
+        assert manager.all() == [back]
+        assert (await mailbox.closed()).code == 4404
+
+
+async def test_a_session_that_was_left_makes_room_for_a_new_one(manage: Manage, clock: Clock) -> None:
+    manager = manage(max_sessions=2)
+    first, second = await manager.create(SOURCE), await manager.create(SOURCE)
+    manager.end_later(second.id, 60)
+    clock.now = 1
+    manager.end_later(first.id, 60)
+    assert manager.why_full() is None
+    third = await manager.create(SOURCE)
+    assert manager.all() == [first, third]
+
+
 async def test_there_is_room_for_so_many_sessions_and_for_one_more_after_a_delete(manage: Manage) -> None:
     manager = manage(max_sessions=2)
     first = await manager.create(SOURCE)

@@ -10,6 +10,7 @@ export class Draft {
   base = EMPTY;
   things = [];
   selected = -1;
+  edited = false; // whether hands have changed it since it began with a scene
   wrong = new Set(); // indices of the things that the newest check found a fault in
   #before = []; // states to go back to
   #changed;
@@ -33,7 +34,7 @@ export class Draft {
   }
 
   #become({ base = this.base, things, selected = this.selected }) {
-    Object.assign(this, { base, things, selected: Math.min(selected, things.length - 1), wrong: new Set() });
+    Object.assign(this, { base, things, selected: Math.min(selected, things.length - 1), edited: true, wrong: new Set() });
     this.#changed();
   }
 
@@ -42,6 +43,7 @@ export class Draft {
     this.remember();
     const base = scene === null ? EMPTY : { ...scene, name: scene.name || "my scene" };
     this.#become({ base, things: scene === null ? [] : thingsOf(scene), selected: -1 });
+    this.edited = false;
   }
 
   add(thing) {

@@ -11,6 +11,8 @@ import { freeRoom, indexIn, inWords, KINDS, made, nameOf } from "./things.js";
 const CHECK_MS = 700; // rest after a change before a check
 const FIRST_SIZE = 0.16; // m, of a thing that a button adds
 
+const STORED = "hybridmpm.draft"; // name of the draft in the browser's storage
+
 const state = {
   parts: null, // from openBuilder
   kind: null, // drawn by a drag on free ground
@@ -41,8 +43,28 @@ function checkSoon() {
   state.timer = setTimeout(check, CHECK_MS);
 }
 
+/** Keep the draft in the browser until it is simulated, or no longer: a reload, or a closed tab, loses nothing. */
+function store(scene) {
+  try {
+    if (scene === null) localStorage.removeItem(STORED);
+    else localStorage.setItem(STORED, JSON.stringify(scene));
+  } catch {
+    // Without storage it is kept as long as the page.
+  }
+}
+
+/** The stored draft; null without one. */
+function stored() {
+  try {
+    return JSON.parse(localStorage.getItem(STORED));
+  } catch {
+    return null;
+  }
+}
+
 async function check() {
   const number = ++state.number;
+  if (draft.edited) store(draft.scene);
   if (draft.things.length === 0) {
     showFindings([]);
     setText("build-status", "");
@@ -113,6 +135,7 @@ async function start() {
     return;
   }
   byId("builder").close();
+  store(null);
   state.parts.open({ scene: draft.scene });
 }
 
@@ -158,7 +181,7 @@ function bind() {
 }
 
 /**
- * Open the dialog with its earlier draft, or at first with the current scene.
+ * Open the dialog with its earlier draft, be it of an earlier visit, or else with the current scene.
  *
  * @param given {log() -> promise of the session's log, open(body of POST /v1/sessions)}
  */
@@ -167,6 +190,17 @@ export async function openBuilder(given) {
   state.parts = given;
   if (first) bind();
   byId("builder").showModal();
-  if (first) await beginWithShown();
-  else changed();
+  if (!first) {
+    changed();
+    return;
+  }
+  const earlier = stored();
+  if (earlier === null) {
+    await beginWithShown();
+    return;
+  }
+  draft.begin(earlier);
+  draft.edited = true;
+  const hint = byId("build-hint").textContent;
+  setText("build-hint", `This is your earlier draft; “This scene” begins with the present simulation instead. ${hint}`);
 }

@@ -1,15 +1,32 @@
 // The gallery: pictures of richer scenes than the scenarios.
 
-import { request } from "../net/api.js";
+import { Problem, request } from "../net/api.js";
 import { byId } from "../panels/dom.js";
 
 let parts = null; // {open, show, toast}, from openGallery
 
-async function choose(name, coarse) {
+const entriesKnown = () => request("GET", "gallery/entries.json");
+
+/** A scene of the gallery by its name, {scene, coarse}; the level may be absent. Throws Problem where there is none. */
+export async function exhibit(name) {
+  const { scenes } = await entriesKnown();
+  if (!Object.hasOwn(scenes, name)) throw new Problem("Not in the gallery", "", 404);
+  return { scene: await request("GET", `gallery/${name}.json`), coarse: scenes[name].coarse };
+}
+
+/** What plays a demonstration of the gallery, as in presets.js. Throws Problem where there is none of this name. */
+export async function demonstration(name) {
+  const entries = await entriesKnown();
+  if (!Object.hasOwn(entries.demos, name)) throw new Problem("Not in the gallery", "", 404);
+  return presetOf(entries.demos[name], entries);
+}
+
+async function choose(name) {
   byId("gallery").close();
   try {
-    const scene = await request("GET", `gallery/${name}.json`);
-    parts.open(coarse === undefined ? { scene } : { scene, coarse });
+    const { scene, coarse } = await exhibit(name);
+    const level = coarse === undefined ? {} : { coarse };
+    parts.open({ scene, ...level }, { gallery: name, ...level });
   } catch (problem) {
     parts.toast(problem);
   }
@@ -42,21 +59,22 @@ function presetOf({ scenario, sketch }, { sketches, played: { seed, frame, hold 
 }
 
 async function fill() {
-  const entries = await request("GET", "gallery/entries.json");
+  const entries = await entriesKnown();
   const scenes = Object.entries(entries.scenes).map(([name, scene]) =>
-    itemOf(name, scene, () => choose(name, scene.coarse)),
+    itemOf(name, scene, () => choose(name)),
   );
   const demos = Object.entries(entries.demos).map(([name, demo]) =>
     itemOf(name, demo, () => {
       byId("gallery").close();
-      parts.show(presetOf(demo, entries));
+      parts.show(presetOf(demo, entries), name);
     }),
   );
   byId("gallery-list").replaceChildren(...scenes);
   byId("gallery-demos").replaceChildren(...demos);
 }
 
-/** Show the gallery; `given` is {open(body of POST /v1/sessions), show(preset as in presets.js), toast(problem)}. */
+/** Show the gallery; `given` is {open(body of POST /v1/sessions, place), show(preset as in presets.js, its name),
+ * toast(problem)}. */
 export async function openGallery(given) {
   if (parts === null) {
     parts = given;

@@ -81,9 +81,11 @@ export async function requestFile(path, accept = "*/*") {
   return response.blob();
 }
 
-/** Delete a session while the page closes, without waiting for the answer. */
+const LEAVE_SECONDS = 60; // in which a reload, or the browser's Back, finds a session again
+
+/** Leave a session, perhaps while the page closes: it ends soon, unless the page comes back to it. */
 export function abandon(path) {
-  fetch(path, { method: "DELETE", keepalive: true }).catch(() => {
+  fetch(`${path}?after=${LEAVE_SECONDS}`, { method: "DELETE", keepalive: true }).catch(() => {
     // The session expires by itself when the server cannot be reached.
   });
 }

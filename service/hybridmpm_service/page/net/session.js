@@ -50,15 +50,16 @@ export class SessionClient {
   }
 
   /**
-   * Join a session that somebody else created; it goes on when the page closes.
+   * Join a session.
    *
    * @param watches whether to leave it as it is: no message is sent to it then
+   * @param owned whether this page has created it; others go on when the page closes
    */
-  attach(id, { watches = false } = {}) {
+  attach(id, { watches = false, owned = false } = {}) {
     const generation = this.#leave();
     this.#watches = watches;
     this.path = `/v1/sessions/${encodeURIComponent(id)}`;
-    this.#owned = false;
+    this.#owned = owned;
     this.#enter("connecting");
     return this.#resume(generation);
   }

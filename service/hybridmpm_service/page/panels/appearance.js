@@ -1,4 +1,4 @@
-// Light or dark, full screen, and the colours of particles. The page stores nothing: a choice stays in the address.
+// Light or dark, full screen, and the colours of particles. A choice stays in the address.
 
 import { QUANTITIES } from "../stage/quantities.js";
 import { css, onScale } from "../stage/renderer/palette.js";
@@ -13,7 +13,7 @@ function keepInAddress(name, value) {
   const address = new URL(window.location.href);
   if (value === null) address.searchParams.delete(name);
   else address.searchParams.set(name, value);
-  window.history.replaceState(null, "", address);
+  window.history.replaceState(window.history.state, "", address);
 }
 
 function chooseTheme(theme) {

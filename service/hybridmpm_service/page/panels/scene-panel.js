@@ -6,7 +6,7 @@ const PARTS = { bodies: "Body", obstacles: "Obstacle", emitters: "Emitter", sink
 const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
 
 /** "water_sand_2d" -> "Water and sand, 2D". */
-function titleOf(name) {
+export function titleOf(name) {
   const words = name.split("_");
   const text = words.slice(0, -1).map((word) => TITLES[word] ?? word);
   const materials = text.filter((word) => !word.startsWith("with"));

@@ -41,10 +41,8 @@ export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined
 
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
 
-/** The coarse level of this name; null, for all particles, where there is none. */
-export const asCoarse = (name) => [...byId("coarse").options].find(({ value }) => value !== "" && value === name)?.value ?? null;
-
-export const chosenCoarse = () => asCoarse(byId("coarse").value);
+/** The chosen coarse level; null for all particles. */
+export const chosenCoarse = () => byId("coarse").value || null;
 
 export function showChoice({ scenario, solver, coarse }) {
   const model = modelFor(scenario);

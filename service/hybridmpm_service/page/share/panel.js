@@ -1,6 +1,6 @@
 // Sharing and export: links, code, films, particles, scenes and whole runs; and opening of files.
 
-import { packedLog } from "./log-link.js";
+import { packed } from "./log-link.js";
 import { asCurl, asPython } from "./snippets.js";
 import { byId, setText } from "../panels/dom.js";
 
@@ -43,7 +43,7 @@ const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?
 
 const ACTIONS = {
   link: async () => {
-    const link = `${window.location.origin}/#${await packedLog(await parts.session.log())}`;
+    const link = `${window.location.origin}/#${await packed("replay", await parts.session.log())}`;
     if (link.length > LONGEST_LINK) report("This run has too many inputs for a link: save it as a file.");
     else await copy(link, "A link that computes this run again");
   },
