@@ -25,7 +25,8 @@ LIMITS = {
     # 95 lines read sketches in worlds of any size, and end builds midway.
     # 50 lines let transfers lose at a rate per time, and say what that costs and lets through.
     # 195 lines show obstacles to networks of control, lead plans around them, and train exported networks on.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_090),
+    # 460 lines lead fluids into shapes, letters and pictures.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_590),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -40,9 +41,9 @@ LIMITS = {
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
-    # 30 lines keep the bytes of streams in order.
+    # 50 lines keep the bytes of streams in order, and record shapes.
     # 35 lines end sessions some time after their page has left them.
-    "service": (("service/**.py",), 10_510),
+    "service": (("service/**.py",), 10_530),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -60,8 +61,8 @@ LIMITS = {
     # 220 kill, drain and join nodes; 110 run Python and commands of documents; 240 steer in worlds of any
     # size, and end builds midway; 30 keep bytes in order; 60 draw tanks in their own proportions.
     # 220 lines are for learned plans among obstacles, and for trainings that begin with exported networks.
-    # 190 lines try addresses, reloads and layouts of the page.
-    "tests": (("tests/**.py",), 32_650),
+    # 190 lines try addresses, reloads and layouts of the page; 200 fill shapes.
+    "tests": (("tests/**.py",), 32_860),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

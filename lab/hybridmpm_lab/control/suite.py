@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import Arrow, Ellipse, Sketch, parse_png, render_png
+from hybridmpm.control import Arrow, Ellipse, StrokeSketch, parse_png, render_png
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.scene import BallObstacle, Box, BoxObstacle, Polygon, Scene, SegmentObstacle
@@ -77,8 +77,8 @@ class Start:
 
     scene: Scene
     frame: int
-    sketch: Sketch
-    meant: Sketch | None = None
+    sketch: StrokeSketch
+    meant: StrokeSketch | None = None
     """The sketch before a hand drew it, where `sketch` is read from the hand's picture."""
 
 

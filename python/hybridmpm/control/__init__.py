@@ -1,13 +1,14 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
-`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. `prepare` returns the effort of
+`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. A `Shape` is any closed
+outline, which `shape_of_text` and `shape_of_picture` trace. `prepare` returns the effort of
 following one, `follow` lets a simulator follow it frame by frame. `push` is a local force. `reversed_case`
 makes an example of control whose true end is known, and `Oracle` follows it by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction
-from hybridmpm.control.goal.region import Fill, Oval
+from hybridmpm.control.goal.region import Figure, Fill, Oval, Silhouette
 from hybridmpm.control.goal.who import Who
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Law
@@ -20,13 +21,23 @@ from hybridmpm.control.push import Push, push
 from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
 from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
-from hybridmpm.control.sketch.sketch import MAX_POINTS, Arrow, Ellipse, Sketch
+from hybridmpm.control.sketch.sketch import (
+    MAX_OUTLINES,
+    MAX_POINTS,
+    Arrow,
+    Ellipse,
+    Shape,
+    Sketch,
+    StrokeSketch,
+)
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
+from hybridmpm.control.sketch.tracing import shape_of_picture, shape_of_text
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 
 __all__ = [
     "DEFAULT_CAP",
     "MAX_CAP",
+    "MAX_OUTLINES",
     "MAX_POINTS",
     "METHODS",
     "Arrow",
@@ -35,6 +46,7 @@ __all__ = [
     "ControlledTrajectory",
     "Ellipse",
     "FallBack",
+    "Figure",
     "Fill",
     "Following",
     "Goal",
@@ -48,10 +60,13 @@ __all__ = [
     "Oval",
     "Push",
     "ReversedCase",
+    "Shape",
+    "Silhouette",
     "Sketch",
     "SketchOptions",
     "SketchResult",
     "Stroke",
+    "StrokeSketch",
     "Task",
     "Who",
     "classify_stroke",
@@ -64,4 +79,6 @@ __all__ = [
     "resume",
     "reversed_case",
     "reversed_from_seed",
+    "shape_of_picture",
+    "shape_of_text",
 ]

@@ -14,13 +14,13 @@ from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.goal.region import Fill, Oval, Region
+from hybridmpm.control.goal.region import Figure, Fill, Oval, Region, Silhouette
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.who import Who
 from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
-from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch, check_in_world
+from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch, check_in_world
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator, checked_simulator
@@ -36,7 +36,7 @@ force: what is below their cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
 """Need over the cap up to which the whole cap is tried: the least force is largest at its ends, and less does
 the same where it acts all the time."""
-_MAGIC, _VERSION = b"HMPMGUID", 2
+_MAGIC, _VERSION = b"HMPMGUID", 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,8 @@ class Guidance:
             The law is of a method of one's own.
         """
         goal = self.goal
-        sketch = {name: value for name, value in vars(goal.sketch).items() if value is not None}
+        names = [field.name for field in dataclasses.fields(goal.sketch)]
+        sketch = {name: value for name in names if (value := getattr(goal.sketch, name)) is not None}
         tree = {
             "kind": goal.sketch.kind,
             "sketch": {
@@ -111,11 +112,11 @@ class Guidance:
             "ways": vars(goal.paths),
             "path": goal.path,
             "bent": goal.bent,
-            "drawn": None if goal.drawn is None else vars(goal.drawn),
+            "drawn": None if goal.drawn is None else _figure_to_dict(goal.drawn),
             "region": None
             if goal.region is None
             else {
-                "oval": vars(goal.region.oval),
+                "figure": _figure_to_dict(goal.region.figure),
                 "scale": goal.region.scale,
                 "cells": goal.region.cells,
                 "volume": goal.region.volume,
@@ -160,20 +161,36 @@ class Guidance:
 def _goal_from_dict(tree: dict[str, Any], scene: Scene) -> Goal:
     cloud = Cloud(**tree["cloud"])
     room = Room(scene, cloud.frame * cloud.frame_dt)
-    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse}
+    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
     region = tree["region"]
+    sketch = kinds[tree["kind"]](**tree["sketch"])
     return Goal(
-        sketch=kinds[tree["kind"]](**tree["sketch"]),
+        sketch=sketch,
         cloud=cloud,
         room=room,
         paths=Paths(**tree["ways"]),
         path=tree["path"],
         bent=tuple(tree["bent"]),
-        drawn=None if tree["drawn"] is None else Oval(**tree["drawn"]),
+        drawn=None if tree["drawn"] is None else _figure_from_dict(tree["drawn"], sketch),
         region=None
         if region is None
-        else Region(Oval(**region["oval"]), room, region["scale"], region["cells"], region["volume"]),
+        else Region(
+            _figure_from_dict(region["figure"], sketch),
+            room,
+            region["scale"],
+            region["cells"],
+            region["volume"],
+        ),
     )
+
+
+def _figure_to_dict(figure: Figure) -> dict[str, Any]:
+    # A silhouette is always that of the sketch.
+    return {"depth": figure.depth} if isinstance(figure, Silhouette) else vars(figure)
+
+
+def _figure_from_dict(tree: dict[str, Any], sketch: Sketch) -> Figure:
+    return Silhouette(sketch, **tree) if isinstance(sketch, Shape) else Oval(**tree)
 
 
 class SketchOptions(TypedDict, total=False):
@@ -209,18 +226,19 @@ def prepare(
 ) -> Guidance:
     """Interpret a sketch and plan the motion from the current state; the simulator does not advance.
 
-    The fluid is to fill the part of an oval that no wall or obstacle takes, evenly. Where that part is
-    smaller than the fluid at rest, the oval is enlarged, in the same shape, until it is as large. Along an
-    arrow the centre of mass is to go, from where it is, with the least acceleration; the fluid keeps its
+    The fluid is to fill the part of an oval or a shape that no wall or obstacle takes, evenly. Where that
+    part is smaller than the fluid at rest, the goal is enlarged, with its holes, until it is as large. Along
+    an arrow the centre of mass is to go, from where it is, with the least acceleration; the fluid keeps its
     shape, or, where there is no room for it at the tip, becomes a disc around the tip. In 3D stroke widths
-    give the depth; the third semi-axis of an oval is the geometric mean of the other two.
+    give the depth; the third semi-axis of an oval is the geometric mean of the other two, and a shape is as
+    deep as the fluid's volume needs at the drawn size.
 
     Parameters
     ----------
     simulator : Simulator
         In the state that the sketch was drawn on; it does not change. The particles that are there now are
         led, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
-    sketch : Arrow or Ellipse
+    sketch : Arrow, Ellipse or Shape
     method : str or Method
         "auto", which is "learned" where that won in 3D, else "analytic"; or one of: "analytic", guidance by
         optimal transport and least force; "constant", the paper's baseline, one acceleration for all;
@@ -272,8 +290,8 @@ def prepare(
     largest = positive("cap", cap, MAX_CAP) * positive("strength", strength, 1.0)
     if fill not in ("even", "shrink"):
         raise ConfigError(f'fill must be "even" or "shrink", got {fill!r}')
-    if not isinstance(sketch, Arrow | Ellipse):
-        raise ConfigError(f"sketch must be an Arrow or an Ellipse, got {type(sketch).__name__}")
+    if not isinstance(sketch, Arrow | Ellipse | Shape):
+        raise ConfigError(f"sketch must be an Arrow, an Ellipse or a Shape, got {type(sketch).__name__}")
     if frames is not None:
         frames = whole("frames", frames, 1, MAX_FRAMES)
     settings = {

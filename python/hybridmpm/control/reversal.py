@@ -17,7 +17,7 @@ from hybridmpm._support.arguments import whole
 from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 from hybridmpm.control.laws import Retraced
-from hybridmpm.control.sketch.sketch import MIN_LENGTH, Arrow, Ellipse, Sketch, width_of_depth
+from hybridmpm.control.sketch.sketch import MIN_LENGTH, Arrow, Ellipse, StrokeSketch, width_of_depth
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene, Walls
@@ -143,8 +143,8 @@ class ReversedCase:
     """Frame of the forward run at which control starts."""
     start: Start
     """Velocities of the particles when control starts."""
-    sketch: Sketch
-    """Sketch of the motion, without the tremor of a hand."""
+    sketch: StrokeSketch
+    """StrokeSketch of the motion, without the tremor of a hand."""
     truth: Floats32
     """q_0 to q_T, (T + 1, N, D) [m]."""
     positions: Floats32
@@ -321,7 +321,7 @@ def _require_reversible(scene: Scene) -> None:
 
 def _sketch(
     truth: Floats32, weight: Floats, walls: Walls, kind: Kind, shortest_arrow: float | None
-) -> Sketch:
+) -> StrokeSketch:
     distance = float(np.linalg.norm(weight @ (truth[-1] - truth[0])[:, :2]))
     if kind == "arrow" and distance >= (shortest_arrow or 0.0):
         return arrow_of(truth, weight, walls)

@@ -45,7 +45,7 @@ class SketchResult:
         if self.inside is not None:
             parts.append(f"{100 * self.inside:.1f} % of the mass in the goal")
         if self.inside_drawn is not None:
-            parts.append(f"{100 * self.inside_drawn:.1f} % in the oval as drawn")
+            parts.append(f"{100 * self.inside_drawn:.1f} % in the goal as drawn")
         parts.append(f"centre of mass {1000 * self.miss:.1f} mm off")
         return ", ".join([*parts, f"force {self.rms:.2f} g rms, {self.peak:.1f} g at most"])
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from hybridmpm.control import Arrow, Ellipse, Sketch, Stroke
+from hybridmpm.control import Arrow, Ellipse, Stroke, StrokeSketch
 from hybridmpm.control.reversal import STARTS, Start
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ class Control:
     The force of the trajectory is that of a reversed case, its positions are where that force leads.
     """
 
-    sketch: Sketch
-    """Sketch of the motion, without distortion."""
+    sketch: StrokeSketch
+    """StrokeSketch of the motion, without distortion."""
     stroke: Stroke
     """The same as a hand draws it, with times."""
     picture: bytes
@@ -60,7 +60,7 @@ class Control:
 
     @property
     def texts(self) -> dict[str, str]:
-        """Sketch and stroke as JSON, by the keys that they have in files."""
+        """StrokeSketch and stroke as JSON, by the keys that they have in files."""
         return {
             "sketch": json.dumps(_plain(self.sketch)),
             "stroke": self.stroke.model_dump_json(exclude_none=True),
@@ -121,12 +121,12 @@ def rounded(values: npt.ArrayLike) -> Any:
     return np.round(np.asarray(values, dtype=np.float64), _DIGITS).tolist()
 
 
-def _plain(sketch: Sketch) -> dict[str, Any]:
+def _plain(sketch: StrokeSketch) -> dict[str, Any]:
     fields = {key: rounded(value) for key, value in vars(sketch).items() if value is not None}
     return {"kind": sketch.kind, **fields}
 
 
-def _sketch(fields: Any) -> Sketch:
+def _sketch(fields: Any) -> StrokeSketch:
     if not isinstance(fields, dict) or fields.get("kind") not in _SKETCHES:
         raise ValueError(f"a sketch must be of the kind {' or '.join(_SKETCHES)}")
     kind = fields.pop("kind")

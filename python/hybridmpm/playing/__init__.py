@@ -119,7 +119,7 @@ def play(
         about["sketch"] = {
             "first": first,
             "last": first + guidance.total_frames,
-            "line": drawn(guidance),
+            "lines": drawn(guidance),
             "isArrow": guidance.sketch.kind == "arrow",
         }
     title = name or f"{solver.particle_count} particles in {solver.dim}D"

@@ -259,11 +259,11 @@ function drawLine(project, width, line, colour) {
   pen.stroke();
 }
 
-/** The line that is followed: the outline of an oval, or an arrow, which has a head. */
-function drawSketch(project, ratio, { line, isArrow }) {
-  drawLine(project, 2.5 * ratio, line, SKETCH);
+/** What is followed: the outline of an oval, those of a shape, or an arrow, which has a head. */
+function drawSketch(project, ratio, { lines, isArrow }) {
+  for (const line of lines) drawLine(project, 2.5 * ratio, line, SKETCH);
   if (!isArrow) return;
-  const [before, tip] = line.slice(-2).map((point) => project(...point));
+  const [before, tip] = lines[0].slice(-2).map((point) => project(...point));
   const along = Math.atan2(tip[1] - before[1], tip[0] - before[0]);
   pen.beginPath();
   for (const turn of [-2.6, 0, 2.6]) {

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.paths import SHORTEST_FRAMES
+from hybridmpm.control.goal.region import Oval
 from hybridmpm.control.guidance import Guidance
 from hybridmpm.control.laws import AHEAD_FRAMES, Tracked
 from hybridmpm.errors import ConfigError
@@ -62,12 +63,19 @@ def _array(values: npt.NDArray[Any], kind: str) -> bytes:
     return struct.pack("<I", len(values)) + values.astype(kind).tobytes()
 
 
-def drawn(guidance: Guidance) -> list[list[float]]:
-    """Return the line of the sketch (K, D) [m]: the path of an arrow, or the outline of an oval."""
-    goal, oval = guidance.goal, guidance.goal.drawn
-    line = goal.path
-    if oval is not None:
+def drawn(guidance: Guidance) -> list[list[list[float]]]:
+    """Return the lines of the sketch, each (K, D) [m]: an arrow's path, or outlines of an oval or a shape."""
+    goal, figure = guidance.goal, guidance.goal.drawn
+    lines = [goal.path]
+    if isinstance(figure, Oval):
         turn = np.linspace(0, 2 * np.pi, _OUTLINE)
-        around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * oval.axes[:2]
-        line = oval.center + around @ oval.directions[:2]
-    return [[float(value) for value in point] for point in line]
+        around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * figure.axes[:2]
+        lines = [figure.center + around @ figure.directions[:2]]
+    elif figure is not None:
+        depth = np.asarray(figure.depth[:1])
+        lines = [
+            np.hstack([closed, np.tile(depth, (len(closed), 1))])
+            for line in figure.shape.outlines
+            for closed in [np.vstack([line, line[:1]])]
+        ]
+    return [[[float(value) for value in point] for point in line] for line in lines]

@@ -245,8 +245,10 @@ class GoalBody(Answer):
         region = goal.region
         return cls(
             path=goal.path.round(_DIGITS).tolist(),
-            drawn=None if goal.drawn is None else _outline(goal, goal.drawn, 1.0),
-            region=None if region is None else _outline(goal, region.oval, region.scale),
+            drawn=_outline(goal, goal.drawn, 1.0) if isinstance(goal.drawn, Oval) else None,
+            region=_outline(goal, region.figure, region.scale)
+            if region is not None and isinstance(region.figure, Oval)
+            else None,
         )
 
 

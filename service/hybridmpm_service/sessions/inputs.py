@@ -5,8 +5,8 @@ pydantic models, since clients send them, and logs and files contain them. The t
 in the OpenAPI document.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, Self, TypeAlias, overload
 
 import numpy as np
@@ -16,12 +16,14 @@ from hybridmpm import SOLVER_VERSION, Scene, __version__
 from hybridmpm.control import (
     DEFAULT_CAP,
     MAX_CAP,
+    MAX_OUTLINES,
     MAX_POINTS,
     METHODS,
     Arrow,
     Ellipse,
     Fill,
     Push,
+    Shape,
     Sketch,
     Stroke,
 )
@@ -89,9 +91,9 @@ class LimitedSettings(SketchSettings):
 
 
 class SketchRecord(Strict):
-    """A sketch as interpreted: an arrow has points and widths, an ellipse the rest."""
+    """A sketch as interpreted: an arrow has points and widths, a shape outlines, an ellipse the rest."""
 
-    kind: Literal["arrow", "ellipse"]
+    kind: Literal["arrow", "ellipse", "shape"]
     """Kind of the sketch."""
     points: list[list[float]] | None = Field(default=None, max_length=MAX_POINTS)
     """Points of an arrow from tail to tip [m]."""
@@ -103,8 +105,10 @@ class SketchRecord(Strict):
     """Semi-axes of an ellipse, major first [m]."""
     angle: float | None = None
     """Angle of the major axis to +x [rad]."""
+    outlines: list[list[list[float]]] | None = Field(default=None, max_length=MAX_OUTLINES)
+    """Closed lines of a shape [m]."""
     width: float | None = None
-    """Width of an ellipse's stroke [pixels of 512]."""
+    """Width of the stroke of an ellipse or a shape [pixels of 512]."""
     note: str | None = Field(default=None, max_length=300)
     """How a picture was read, where that is not obvious."""
 
@@ -122,7 +126,8 @@ class SketchRecord(Strict):
             The sketch is out of range, or has the fields of the other kind.
         """
         fields = self.model_dump(exclude={"kind"}, exclude_none=True)
-        return Arrow(**fields) if self.kind == "arrow" else Ellipse(**fields)
+        kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
+        return kinds[self.kind](**fields)
 
 
 class Hand(Strict):
@@ -251,10 +256,14 @@ class Inputs(Sequence[Input]):
 
 def _plain(record: Sketch | Push) -> dict[str, Any]:
     """Return the fields of a record, with arrays as lists and without absent ones."""
-    fields = {name: value for name, value in vars(record).items() if value is not None}
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()
-    }
+    given = ((field.name, getattr(record, field.name)) for field in fields(record))
+    return {name: _listed(value) for name, value in given if value is not None}
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_listed(one) for one in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 class Versions(Strict):

@@ -48,7 +48,7 @@ def test_every_particle_gets_a_place_of_its_own_in_the_oval(dim: int) -> None:
     # Evenly: the mean is the centre, the covariance that of a filled ellipse or ellipsoid.
     region = goal.region
     np.testing.assert_allclose(places.mean(axis=0)[:2], [0.6, 0.6], atol=2e-3)
-    level = region.oval.level(places) / region.scale
+    level = region.figure.level(places) / region.scale
     assert np.mean(level**2) == pytest.approx(dim / (dim + 2), abs=0.02)
 
 
@@ -247,7 +247,7 @@ def test_no_free_cell_of_the_region_is_missed(dim: int, fill: Fill, angle: float
     lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
     # Cells on the very rim may round to either side.
     inside = lattice[region.reaches(lattice, region.scale * (1 - 1e-9))]
-    kept = region.cells[region.oval.level(region.cells) <= region.scale * (1 - 1e-9)]
+    kept = region.cells[region.figure.level(region.cells) <= region.scale * (1 - 1e-9)]
     mine, all_there = (cells[np.lexsort(cells.T.round(9))] for cells in (kept, inside))
     np.testing.assert_allclose(mine, all_there, atol=1e-9)
 

@@ -12,10 +12,20 @@ from hybridmpm import _core
 from hybridmpm.control.goal.bends import STEP, Bends, resampled
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.paths import Paths, arrow_path, cornered
-from hybridmpm.control.goal.region import FULL, NEAR, Fill, Oval, Region, gathered, region_of
+from hybridmpm.control.goal.region import (
+    FULL,
+    NEAR,
+    Figure,
+    Fill,
+    Oval,
+    Region,
+    Silhouette,
+    gathered,
+    region_of,
+)
 from hybridmpm.control.goal.room import Room, RoomGrid
 from hybridmpm.control.goal.threads import threaded
-from hybridmpm.control.sketch.sketch import Arrow, Sketch
+from hybridmpm.control.sketch.sketch import Arrow, Shape, Sketch
 from hybridmpm.scene import Scene
 from hybridmpm.scene.gaps import Gap, narrow_gaps
 from hybridmpm.scene.particle_types import SAND
@@ -52,10 +62,10 @@ class Needs:
     suggested_frames: int
     """Smallest number of frames, in steps of 5 from 40 to 400, with an acceleration well below the cap."""
     scale: float
-    """Size of the goal over that of the drawn oval: above 1 if it was grown to the fluid's volume, below 1 if
-    it was shrunk to it, 1 for an arrow."""
+    """Size of the goal over that of the drawn oval or shape: above 1 if it was grown to the fluid's volume,
+    below 1 if it was shrunk to it, 1 for an arrow."""
     taken: float
-    """Share of the drawn oval that walls and obstacles take; 0 for an arrow."""
+    """Share of the drawn oval or shape that walls and obstacles take; 0 for an arrow."""
     obstructions: tuple[Obstruction, ...]
     """Reasons for which the goal is out of reach; empty where it is within reach."""
     notes: tuple[str, ...]
@@ -71,10 +81,10 @@ class Needs:
         lines = [need, f"at ease in {self.suggested_frames} frames"]
         if self.scale != 1:
             lines.append(
-                f"the oval is {'grown' if self.scale > 1 else 'shrunk'} to {self.scale:.2f} times its size"
+                f"the goal is {'grown' if self.scale > 1 else 'shrunk'} to {self.scale:.2f} times its size"
             )
         if self.taken > 0:
-            lines.append(f"walls and obstacles take {100 * self.taken:.0f} % of the oval")
+            lines.append(f"walls and obstacles take {100 * self.taken:.0f} % of the goal")
         return "; ".join([*lines, *self.notes, *(obstruction.message for obstruction in self.obstructions)])
 
 
@@ -97,6 +107,10 @@ _PASSED = 0.05
 """Share of a fluid that has to pass a gap, above which the gap counts [-]."""
 _SOLID = 0.5
 """Share of elastic mass from which on a body is led round obstacles as a whole only."""
+_LEAST_CELLS = 4
+"""Cells that a part of a shape is wide at least, so that the fluid can keep to it."""
+_TOO_THIN = 0.25
+"""Share of a shape that may be thinner than that before it counts as out of reach [-]."""
 _THIN = 2.0
 """Volume of an oval over that of the fluid from which on `fill="shrink"` is suggested."""
 _HALVINGS = 7
@@ -120,8 +134,8 @@ class Goal:
     paths: Paths
     path: Floats
     """Path of the centre of mass (K, D) [m], from its present place."""
-    drawn: Oval | None
-    """The oval as it was drawn; None for an arrow."""
+    drawn: Figure | None
+    """The oval or the shape as it was drawn; None for an arrow."""
     region: Region | None
     """Region that is filled; None where the fluid keeps its shape."""
     bent: tuple[str, ...] = ()
@@ -131,6 +145,11 @@ class Goal:
     def target_displacement(self) -> Floats:
         """Displacement of the centre of mass in the sketch (D,) [m]."""
         return np.asarray(self.path[-1] - self.path[0])
+
+    @property
+    def noun(self) -> str:
+        """Name of what was drawn, in messages."""
+        return {"arrow": "arrow", "ellipse": "oval", "shape": "shape"}[self.sketch.kind]
 
     @property
     def leads_around(self) -> bool:
@@ -169,9 +188,9 @@ class Goal:
             Centre of mass [m].
         root : (2, 2) or None
             Symmetric root of the covariance of the particles in the front view [m]: the semi-axes of an oval
-            are two standard deviations. None for an arrow.
+            are two standard deviations. None for an arrow and a shape, which two moments do not describe.
         """
-        if self.drawn is None or self.region is None:
+        if not isinstance(self.drawn, Oval) or self.region is None:
             return np.asarray(self.path[-1]), None
         deviations = self._growth(self.drawn, self.region) * self.drawn.axes[:2] / 2
         turn = self.drawn.directions[:2, :2]
@@ -192,7 +211,7 @@ class Goal:
     def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
         """Return which points (N, D) lie in the goal; (N,), None where the fluid keeps its shape.
 
-        The goal is the free part of the drawn oval, grown where it is smaller than the fluid.
+        The goal is the free part of the drawn oval or shape, grown where it is smaller than the fluid.
         """
         if self.region is None:
             return None
@@ -200,11 +219,11 @@ class Goal:
         return self.region.reaches(x, largest)
 
     def inside_drawn(self, x: Floats) -> npt.NDArray[np.bool_] | None:
-        """Return which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow.
+        """Return which points (N, D) lie in what was drawn; (N,), None for an arrow.
 
         What is drawn is the front view, so in 3D the depth does not count.
         """
-        return None if self.drawn is None else self.drawn.in_view.level(x[:, :2]) <= 1
+        return None if self.drawn is None else self.drawn.in_view.covers(x[:, :2])
 
     def suggested_frames(self, cap: float) -> int:
         """Return the smallest number of frames that needs an acceleration well below the cap [g].
@@ -259,12 +278,14 @@ class Goal:
 
     def _remarks(self) -> list[str]:
         found = []
+        if isinstance(self.drawn, Silhouette) and self.drawn.shape.crosses_itself:
+            found.append("lines of the shape cross: what they enclose an odd number of times is filled")
         if self.drawn is not None and self.cloud.elastic > 0:
-            found.append("elastic bodies keep their shape and will not fill the oval")
+            found.append(f"elastic bodies keep their shape and will not fill the {self.noun}")
         if self.drawn is not None and self.region is not None:
             spread = self.region.volume / self.cloud.volume
             if self.is_torn:
-                text = f"the oval has {spread:.1f} times the fluid's volume, which tears it"
+                text = f"the {self.noun} has {spread:.1f} times the fluid's volume, which tears it"
                 found.append(f'{text}: fill="shrink" keeps it whole')
         return found
 
@@ -297,7 +318,7 @@ class Goal:
             text = "the gap is too narrow for the fluid to pass whole"
             found.append(Obstruction("obstacle", f"{text}: draw the arrow through a wider one"))
         if self.drawn is not None:
-            return [*found, *self._shapeless()]
+            return [*found, *self._too_thin(), *self._shapeless()]
         if not self.room.within_walls(self.path[-1:]).all():
             text = "the arrow leads the centre of mass out of the room"
             found.append(Obstruction("wall", f"{text}: shorten it"))
@@ -313,6 +334,21 @@ class Goal:
                 text = f"walls and obstacles keep the centre of mass {100 * off:.0f} cm from the tip"
                 found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
         return found
+
+    def _too_thin(self) -> list[Obstruction]:
+        """Return the obstruction that much of a shape is too thin for the grid."""
+        if not isinstance(self.drawn, Silhouette) or self.region is None:
+            return []
+        width = _LEAST_CELLS / self.room.scene.resolution
+        share = self.drawn.thin(width / self.region.scale)
+        if self.cloud.dim == 3 and 2 * self.region.scale * self.drawn.depth[1] < width:
+            deep = 200 * self.region.scale * self.drawn.depth[1]
+            text = f"the fluid fills the shape {deep:.1f} cm deep, and {_LEAST_CELLS} grid cells are"
+            return [Obstruction("shape", f"{text} {100 * width:.1f} cm: draw it smaller")]
+        if share <= _TOO_THIN:
+            return []
+        text = f"{100 * share:.0f} % of the shape is thinner than {_LEAST_CELLS} grid cells"
+        return [Obstruction("shape", f"{text}, {100 * width:.1f} cm: draw it wider")]
 
     def _shapeless(self) -> list[Obstruction]:
         """Return the obstruction that elastic bodies, moved to an oval as they are, do not lie in it."""
@@ -346,9 +382,9 @@ class Goal:
 def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") -> Goal:
     """Return the goal that a sketch sets for a cloud of particles.
 
-    The particles fill the region of an oval evenly; see `region_of`. Along an arrow they keep their shape.
-    Where walls or obstacles leave no room for it at the tip, they fill a disc, or a ball, of their volume
-    around the tip instead.
+    The particles fill the region of an oval or a shape evenly; see `region_of`. Along an arrow they keep
+    their shape. Where walls or obstacles leave no room for it at the tip, they fill a disc, or a ball, of
+    their volume around the tip instead.
 
     Raises
     ------
@@ -358,11 +394,15 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
     room = Room(scene, cloud.frame * cloud.frame_dt)
     if isinstance(sketch, Arrow):
         return _carried(sketch, cloud, room, scene)
-    oval = Oval.drawn(sketch, cloud, scene.walls)
-    region = region_of(oval, room, volume=cloud.volume, particles=len(cloud.x), fill=fill)
+    drawn: Figure
+    if isinstance(sketch, Shape):
+        drawn, name = Silhouette.drawn(sketch, cloud, scene.walls), "the shape"
+    else:
+        drawn, name = Oval.drawn(sketch, cloud, scene.walls), "the oval"
+    region = region_of(drawn, room, volume=cloud.volume, particles=len(cloud.x), fill=fill, name=name)
     paths = _in_groups(cloud, region.cells, room.grid())
     path = np.stack([cloud.centroid, cloud.weight @ paths.places])
-    return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, oval, region)
+    return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, drawn, region)
 
 
 def _in_groups(cloud: Cloud, cells: Floats, grid: RoomGrid | None) -> Paths:

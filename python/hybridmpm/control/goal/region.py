@@ -1,14 +1,15 @@
-"""The region of an oval that the fluid is to fill."""
+"""The region of an oval or of any other shape that the fluid is to fill."""
 
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image, ImageFilter
 
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.room import Room
-from hybridmpm.control.sketch.sketch import Ellipse, depth_of_width
+from hybridmpm.control.sketch.sketch import Ellipse, Shape, depth_of_width
 from hybridmpm.errors import SketchError
 from hybridmpm.scene import Walls
 
@@ -71,6 +72,10 @@ class Oval:
         within = (x - self.center) @ (self.directions.T / self.axes)
         return np.asarray(np.sqrt(np.einsum("ij,ij->i", within, within)))
 
+    def covers(self, x: Floats, scale: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Return which points (N, D) [m] lie in the oval grown by a factor; (N,)."""
+        return self.level(x) <= scale
+
     def stretch(self, side: float) -> float:
         """Return the largest difference of the level within a cube of a side [m] from that of its centre."""
         corners = np.stack(np.meshgrid(*[[-side / 2, side / 2]] * len(self.axes)), axis=-1)
@@ -78,8 +83,85 @@ class Oval:
         return float(np.linalg.norm(offsets, axis=1).max())
 
 
+@dataclass(frozen=True, eq=False)
+class Silhouette:
+    """A shape in 2D; in 3D a body of the same section at all depths of an interval."""
+
+    shape: Shape
+    """The shape in the front view."""
+    depth: Floats
+    """Middle and half length of the interval along the depth (2,) [m] in 3D, (0,) in 2D."""
+
+    @classmethod
+    def drawn(cls, shape: Shape, cloud: Cloud, walls: Walls) -> Self:
+        """Return the silhouette of a drawn shape.
+
+        In 3D the fluid fills it at the drawn size: the interval is as long as the fluid's volume needs, at
+        most from wall to wall. The width of the stroke gives the middle, as that of an oval.
+        """
+        if cloud.dim == 2:
+            return cls(shape, np.empty(0))
+        middle, back, front = float(cloud.centroid[2]), walls.lower[2], walls.upper[2]
+        if shape.width is not None:
+            middle = depth_of_width(shape.width, back, front)
+        half = min(_ROOM * cloud.volume / shape.area, front - back) / 2
+        return cls(shape, np.array([np.clip(middle, back + half, front - half), half]))
+
+    @property
+    def center(self) -> Floats:
+        """Centre of the volume (D,) [m]."""
+        return np.append(self.shape.center, self.depth[:1])
+
+    @property
+    def in_view(self) -> "Silhouette":
+        """The shape that it is in the front view."""
+        return Silhouette(self.shape, np.empty(0))
+
+    @property
+    def volume(self) -> float:
+        """Volume, in 2D the area [m^D]."""
+        return self.shape.area * (2 * float(self.depth[1]) if len(self.depth) else 1.0)
+
+    def covers(self, x: Floats, scale: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Return which points (N, D) [m] lie in the silhouette grown by a factor from its centre; (N,)."""
+        at_rest = self.center + (x - self.center) / scale
+        inside = self.shape.covers(at_rest[:, :2])
+        if len(self.depth):
+            inside &= np.abs(at_rest[:, 2] - self.depth[0]) <= self.depth[1]
+        return inside
+
+    def box(self, scale: float) -> tuple[Floats, Floats]:
+        """Return the corners (D,), (D,) [m] of the box around the silhouette grown by a factor."""
+        half = self.depth[1:]
+        low, high = (np.append(corner, self.depth[:1]) for corner in self.shape.bounds)
+        low[2:], high[2:] = low[2:] - half, high[2:] + half
+        return self.center + scale * (low - self.center), self.center + scale * (high - self.center)
+
+    def thin(self, width: float) -> float:
+        """Return the share of the area that a square of a width [m] within the shape does not reach [-]."""
+        pixel = width / _ACROSS
+        low, high = self.shape.bounds
+        columns, rows = (np.ceil((high - low) / pixel).astype(int) + 2).tolist()
+        x, y = np.meshgrid(np.arange(columns) - 0.5, np.arange(rows) - 0.5)
+        inside = self.shape.covers(low + pixel * np.column_stack([x.ravel(), y.ravel()]))
+        picture = Image.fromarray((255 * inside.reshape(rows, columns)).astype(np.uint8))
+        opened = picture.filter(ImageFilter.MinFilter(_ACROSS)).filter(ImageFilter.MaxFilter(_ACROSS))
+        return 1.0 - float(np.count_nonzero(np.asarray(opened))) / max(1, int(inside.sum()))
+
+    def sample(self) -> Floats:
+        """Return points (K, D) all over the silhouette [m]."""
+        low, high = self.box(1.0)
+        side = (np.arange(_ALONG) + 0.5) / _ALONG
+        lattice = np.stack(np.meshgrid(*[side] * len(low)), axis=-1).reshape(-1, len(low))
+        points = low + lattice * (high - low)
+        return points[self.covers(points)]
+
+
+Figure: TypeAlias = Oval | Silhouette
+"""What a sketch encloses."""
+
 Fill = Literal["even", "shrink"]
-"""Filling of an oval larger than the fluid: evenly, or after it is shrunk to the fluid's volume."""
+"""Filling of a goal larger than the fluid: evenly, or after it is shrunk to the fluid's volume."""
 
 NEAR = 0.01
 """Largest distance of the centre of mass from the drawn end at which that is reached, over the longest side
@@ -96,40 +178,48 @@ _CELLS_PER_PARTICLE = {2: 6, 3: 6}
 """Cells of the raster for each particle, by dimension; places are centres of groups of cells."""
 _BLOCKS = 4096
 """Largest number of blocks at the start of the search for cells."""
+_ALONG = 40
+"""Points along each axis of the box around a shape, of which those inside sample it."""
+_ACROSS = 7
+"""Pixels across the width against which a shape is held; an odd number."""
+_TRIES = 16
+"""Number of sizes of a shape that are tried until walls and obstacles leave it room for the fluid."""
+_CLOSE = 0.005
+"""Share of the cells by which a shape may miss the fluid's volume."""
 _CAUTION = 1.0 + 1e-4
 """Factor on the radius of blocks, since distances from obstacles are rounded to single precision."""
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The part of an oval that is filled, at its final size, between walls and obstacles."""
+    """The part of a figure that is filled, at its final size, between walls and obstacles."""
 
-    oval: Oval
-    """The drawn oval."""
+    figure: Figure
+    """What was drawn."""
     room: Room
     scale: float
-    """Factor on the semi-axes: above 1 where the oval was grown to the fluid's volume."""
+    """Factor on the size: above 1 where the figure was grown to the fluid's volume."""
     cells: Floats
     """Centres (M, D) of equal cells that make up the region [m]."""
     volume: float
     """Volume of the cells, in 2D their area [m^D]."""
 
     def reaches(self, x: Floats, scale: float) -> npt.NDArray[np.bool_]:
-        """Return which points (N, D) lie in the free part of the oval grown by a factor; (N,)."""
-        return self.room.is_free(x) & (self.oval.level(x) <= scale)
+        """Return which points (N, D) lie in the free part of the figure grown by a factor; (N,)."""
+        return self.room.is_free(x) & self.figure.covers(x, scale)
 
 
 def region_of(
-    oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill, name: str = "the oval"
+    figure: Figure, room: Room, *, volume: float, particles: int, fill: Fill, name: str = "the goal"
 ) -> Region:
-    """Return the region of an oval that a fluid is to fill.
+    """Return the region of a figure that a fluid is to fill.
 
-    Where the free part of the oval is smaller than the fluid, the oval grows in the same shape until its free
-    part is as large. Where it is larger, `fill` decides.
+    Where the free part of the figure is smaller than the fluid, the figure grows in the same shape, with its
+    holes, until its free part is as large. Where it is larger, `fill` decides.
 
     Parameters
     ----------
-    oval : Oval
+    figure : Oval or Silhouette
     room : Room
         Walls and obstacles.
     volume : float
@@ -138,27 +228,65 @@ def region_of(
         Number of particles.
     fill : "even" or "shrink"
     name : str
-        Name of the oval in the message.
+        Name of the figure in the message.
 
     Raises
     ------
     SketchError
-        No part of the oval is free.
+        No part of the figure is free.
     """
-    if not room.is_free(oval.sample()).any():
+    if not room.is_free(figure.sample()).any():
         raise SketchError(
             f"no part of {name} is free: it lies in obstacles or outside of the walls; draw the goal where "
             "the fluid can be"
         )
-    return _filled(oval, room, volume=volume, particles=particles, fill=fill)
+    return _filled(figure, room, volume=volume, particles=particles, fill=fill)
 
 
-def _filled(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
-    """Return the region of an oval of which a part is free."""
+def _filled(figure: Figure, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
+    """Return the region of a figure of which a part is free."""
     volume *= _ROOM
-    wanted = max(volume, oval.volume if fill == "even" else 0.0)
-    side = (wanted / (_CELLS_PER_PARTICLE[len(oval.center)] * particles)) ** (1 / len(oval.center))
-    needed = max(1, round(volume / side ** len(oval.center)))
+    dim = len(figure.center)
+    wanted = max(volume, figure.volume if fill == "even" else 0.0)
+    side = (wanted / (_CELLS_PER_PARTICLE[dim] * particles)) ** (1 / dim)
+    needed = max(1, round(volume / side**dim))
+    if isinstance(figure, Silhouette):
+        return _filled_shape(figure, room, side, needed, grows_only=fill == "even")
+    return _filled_oval(figure, room, side, needed, fill)
+
+
+def _filled_shape(figure: Silhouette, room: Room, side: float, needed: int, *, grows_only: bool) -> Region:
+    """Return the region of a shape, whose size is searched where walls and obstacles take a part of it."""
+    dim = len(figure.center)
+    scale = (needed * side**dim / figure.volume) ** (1 / dim)
+    if grows_only and scale < 1 + _CLOSE:
+        scale = 1.0
+    smallest, found = scale, _cells_of(figure, room, side, scale)
+    for _ in range(_TRIES):
+        missing = needed - len(found)
+        if missing <= _CLOSE * needed and (scale == smallest or -missing <= _CLOSE * needed):
+            break
+        scale = max(smallest, scale * (needed / max(len(found), needed / 4)) ** (1 / dim))
+        found = _cells_of(figure, room, side, scale)
+    return Region(figure, room, scale, found, len(found) * side**dim)
+
+
+def _cells_of(figure: Silhouette, room: Room, side: float, scale: float) -> Floats:
+    """Return the centres (M, D) [m] of the free cells of a shape; their lattice begins at the walls."""
+    low, high = figure.box(scale)
+    first = np.floor((np.maximum(low, room.lower) - room.lower) / side).astype(np.int64)
+    last = np.ceil((np.minimum(high, room.upper) - room.lower) / side).astype(np.int64)
+    axes = [
+        start + side * (np.arange(a, max(a, b)) + 0.5)
+        for start, a, b in zip(room.lower, first, last, strict=True)
+    ]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    cells = cells[figure.covers(cells, scale)]
+    return cells[room.is_free(cells)]
+
+
+def _filled_oval(oval: Oval, room: Room, side: float, needed: int, fill: Fill) -> Region:
+    """Return the region of an oval: it grows from cell to cell until they are enough."""
     cells, level = _nearest_cells(oval, room, side, needed, 1.0 if fill == "even" else 0.0)
     needed = min(len(level), needed)
     fitting = float(np.partition(level, needed - 1)[needed - 1])

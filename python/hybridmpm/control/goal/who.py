@@ -10,7 +10,7 @@ from hybridmpm._support.arguments import whole
 from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.coarse.merging import merge
 from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced
-from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch
 from hybridmpm.control.sketch.strokes import parse_strokes
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene.particle_types import GOOP, SAND, WATER
@@ -43,7 +43,7 @@ def chosen(simulator: Simulator, who: Who) -> npt.NDArray[np.bool_]:
         if who not in MATERIALS:
             raise ConfigError(f"who {_FORMS}, got {who!r}{did_you_mean(who, tuple(MATERIALS))}")
         found = simulator.materials == MATERIALS[who]
-    elif isinstance(who, Arrow | Ellipse):
+    elif isinstance(who, Arrow | Ellipse | Shape):
         found = _under(who, simulator)
     elif isinstance(who, Mapping):
         found = (
@@ -56,7 +56,7 @@ def chosen(simulator: Simulator, who: Who) -> npt.NDArray[np.bool_]:
     else:
         raise ConfigError(f"who {_FORMS}, got {who!r}")
     if not found.any():
-        name = "the stroke" if isinstance(who, Arrow | Ellipse) else repr(who)
+        name = "the stroke" if isinstance(who, Arrow | Ellipse | Shape) else repr(who)
         raise ConfigError(f"who: {name} chooses none of the {simulator.particle_count} particles")
     return np.asarray(found)
 
@@ -83,7 +83,7 @@ def _of_body(simulator: Simulator, body: int) -> npt.NDArray[np.bool_]:
 
 
 def _under(stroke: Sketch, simulator: Simulator) -> npt.NDArray[np.bool_]:
-    """Return which particles lie in an oval of the front view, or near to a line, (N,)."""
+    """Return which particles lie in an oval or a shape of the front view, or near to a line, (N,)."""
     x, reach = simulator.positions.astype(np.float64)[:, :2], _REACH * max(simulator.scene.size)
     if isinstance(stroke, Arrow):
         count = 2 + int(2 * arc_lengths(stroke.points)[-1] / reach)
@@ -92,6 +92,8 @@ def _under(stroke: Sketch, simulator: Simulator) -> npt.NDArray[np.bool_]:
         for point in line:
             found |= ((x - point) ** 2).sum(axis=1) <= reach**2
         return found
+    if isinstance(stroke, Shape):
+        return stroke.covers(x)
     cos, sin = np.cos(stroke.angle), np.sin(stroke.angle)
     local = (x - stroke.center) @ np.array([[cos, -sin], [sin, cos]]) / stroke.axes
     return np.asarray((local**2).sum(axis=1) <= 1)

@@ -58,7 +58,7 @@ def chosen(method: str | Method, scene: Scene, goal: Goal) -> tuple[Method, str]
 def _best(scene: Scene, goal: Goal) -> tuple[Method, str]:
     """Return the learned plan for the kinds of goals on which it won, else guidance, and why."""
     materials = set(goal.cloud.types.tolist())
-    kind = "arrow" if goal.sketch.kind == "arrow" else "wide oval" if goal.is_torn else "oval"
+    kind = "wide oval" if goal.sketch.kind == "ellipse" and goal.is_torn else goal.noun
     has_won = len(materials) == 1 and (*materials, kind) in _WON
     if scene.dim == 3 and has_won and not goal.cloud.partial:
         try:

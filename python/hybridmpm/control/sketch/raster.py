@@ -17,7 +17,7 @@ from hybridmpm.control.sketch.sketch import (
     Arrow,
     Ellipse,
     Floats,
-    Sketch,
+    StrokeSketch,
     check_in_world,
     margin_of,
 )
@@ -93,7 +93,7 @@ def _line_width(outline: Outline, local: Floats, weights: Floats) -> float:
     return float(np.median((ink / length)[ink > 0]))
 
 
-def parse_png(data: bytes, size: Sequence[float] = ONE_METRE) -> Sketch:
+def parse_png(data: bytes, size: Sequence[float] = ONE_METRE) -> StrokeSketch:
     """Return the sketch in a picture, a PNG, JPEG or WebP.
 
     The ground is the colour of most pixels, near each place where the light is uneven. Red ink is an arrow,
@@ -124,7 +124,7 @@ def parse_png(data: bytes, size: Sequence[float] = ONE_METRE) -> Sketch:
     longest, margin = max(size), margin_of(size)
     if isinstance(sketch, Arrow):
         points = np.clip(longest * sketch.points - margin, 0.0, size[:2])
-        placed: Sketch = replace(sketch, points=points, note=note)
+        placed: StrokeSketch = replace(sketch, points=points, note=note)
     else:
         center, axes = longest * sketch.center - margin, longest * sketch.axes
         if not np.all(center >= 0):
@@ -134,7 +134,7 @@ def parse_png(data: bytes, size: Sequence[float] = ONE_METRE) -> Sketch:
     return placed
 
 
-def _sketch_in(ink: Ink) -> Sketch:
+def _sketch_in(ink: Ink) -> StrokeSketch:
     mark, bridged = main_mark(ink.mask)
     coverage = np.where(grown(mark, _EDGE), ink.coverage, 0.0)
     if ink.color == "red":

@@ -13,8 +13,8 @@ from hybridmpm.control.sketch.sketch import (
     ONE_METRE,
     RASTER_SIZE,
     Arrow,
-    Ellipse,
     Floats,
+    Shape,
     Sketch,
     margin_of,
 )
@@ -66,9 +66,14 @@ def drawing_of(sketch: Sketch, longest: float = 1.0) -> Drawing:
     """Return the drawing of a sketch in a world whose longest side is given [m].
 
     An arrow has a shaft of its widths, or of `ARROW_WIDTH`, and a filled triangular head whose point is the
-    tip. The widths change linearly along each segment. An ellipse is one closed outline.
+    tip. The widths change linearly along each segment. An ellipse is one closed outline, a shape some.
     """
-    return _drawn_arrow(sketch, longest) if isinstance(sketch, Arrow) else _drawn_ellipse(sketch)
+    if isinstance(sketch, Arrow):
+        return _drawn_arrow(sketch, longest)
+    lines = sketch.outlines if isinstance(sketch, Shape) else (sketch.outline(257),)
+    width = OUTLINE_WIDTH if sketch.width is None else sketch.width
+    closed = [np.vstack([line, line[:1]]) for line in lines]
+    return Drawing(tuple(PenStroke(line, np.full(len(line), width)) for line in closed), color=GREEN)
 
 
 def render(drawing: Sketch | Drawing, size: Sequence[float] = ONE_METRE) -> npt.NDArray[np.uint8]:
@@ -117,12 +122,6 @@ def _drawn_arrow(arrow: Arrow, longest: float) -> Drawing:
         np.append(widths[inside], np.interp(total - 0.6 * head, lengths, widths)),
     )
     return Drawing((shaft,), (np.vstack([base + half * across, arrow.points[-1], base - half * across]),))
-
-
-def _drawn_ellipse(ellipse: Ellipse) -> Drawing:
-    width = OUTLINE_WIDTH if ellipse.width is None else ellipse.width
-    outline = ellipse.outline(257)
-    return Drawing((PenStroke(outline, np.full(len(outline), width)),), color=GREEN)
 
 
 def _to_pixels(points: Floats, size: Sequence[float]) -> Floats:

@@ -1,6 +1,6 @@
-"""The two sketches that a person can draw: an arrow, or an oval around the place where the fluid should be.
+"""The sketches that a person can draw: an arrow, or an oval or any other outline of the place for the fluid.
 
-Both are drawn in the front view (x, y) of the world with y up. Sketches know no world: `check_in_world` says
+All are drawn in the front view (x, y) of the world with y up. Sketches know no world: `check_in_world` says
 whether one lies in it. In 3D the width of the stroke
 gives the depth z: `WIDTH_AT_BACK` pixels stand for the back wall (lower z), `WIDTH_AT_FRONT` pixels for the
 front wall (upper z), and widths between them for depths between, linearly.
@@ -8,6 +8,7 @@ front wall (upper z), and widths between them for depths between, linearly.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -27,6 +28,10 @@ MAX_POINTS = 4096
 """Largest number of points of a stroke."""
 MIN_LENGTH = 2.0 / RASTER_SIZE
 """Shortest arrow and smallest semi-axis over the longest side of the world: two pixels of the raster."""
+MAX_OUTLINES = 64
+"""Largest number of closed lines of a shape."""
+_LINES = 2048
+"""Lines across a shape along which its area is summed."""
 ONE_METRE = (1.0, 1.0)
 """Width and height of the world where a scene has none of its own [m]."""
 
@@ -62,7 +67,7 @@ class Arrow:
         points = checked_points(self.points)
         if not np.diff(points, axis=0).any():
             raise SketchError("points: all are in one place, the stroke must have a length")
-        widths = None if self.widths is None else _checked_widths(self.widths, len(points))
+        widths = None if self.widths is None else checked_widths(self.widths, len(points))
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "widths", widths)
 
@@ -113,7 +118,7 @@ class Ellipse:
         if not np.isfinite(self.angle):
             raise SketchError(f"angle must be finite, got {self.angle}")
         if self.width is not None:
-            _checked_widths([self.width], 1)
+            checked_widths([self.width], 1)
         object.__setattr__(self, "center", center)
         object.__setattr__(self, "axes", axes)
 
@@ -125,7 +130,153 @@ class Ellipse:
         return np.asarray(self.center + local @ np.array([[cos, sin], [-sin, cos]]))
 
 
-Sketch: TypeAlias = Arrow | Ellipse
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A sketch that the fluid is to fill: what closed lines enclose.
+
+    A point is inside where a ray from it crosses the lines an odd number of times (even-odd rule). So a line
+    within another one makes a hole.
+
+    Parameters
+    ----------
+    outlines : sequence of float (K, 2), in [0, 4096], 3 <= K <= `MAX_POINTS`
+        Closed lines in the front view [m], at most `MAX_OUTLINES`; the last point of each joins the first.
+    width : float in [2, 20], optional
+        Stroke width [pixels of the 512-pixel raster], which gives the depth of the middle in 3D.
+    note : str, optional
+        How a picture was read, where that is not obvious.
+
+    Raises
+    ------
+    SketchError
+        A value is out of range, or the lines enclose nothing.
+    """
+
+    outlines: tuple[Floats, ...]
+    width: float | None = None
+    note: str | None = None
+
+    kind: ClassVar[Literal["shape"]] = "shape"
+
+    def __post_init__(self) -> None:
+        given = self.outlines
+        if isinstance(given, str | bytes) or not isinstance(given, Sequence | np.ndarray):
+            raise SketchError(f"outlines must be a sequence of lines, got {type(given).__name__}")
+        if not 1 <= len(given) <= MAX_OUTLINES:
+            raise SketchError(f"outlines: there must be 1 to {MAX_OUTLINES} lines, got {len(given)}")
+        outlines = []
+        for number, one in enumerate(given):
+            try:
+                points = checked_points(one)
+            except SketchError as error:
+                raise SketchError(f"outlines[{number}]: {error}") from error
+            if len(points) < 3:
+                raise SketchError(
+                    f"outlines[{number}]: a closed line has at least 3 points, got {len(points)}"
+                )
+            outlines.append(points)
+        if self.width is not None:
+            checked_widths([self.width], 1)
+        object.__setattr__(self, "outlines", tuple(outlines))
+        if not self.area > 0:
+            raise SketchError("outlines: the lines enclose nothing")
+
+    def __repr__(self) -> str:
+        return f"Shape({len(self.outlines)} lines around {self.area:.3g} m^2)"
+
+    @cached_property
+    def _sums(self) -> tuple[float, Floats]:
+        """Area [m^2] and centre of the area (2,) [m], summed along lines across the shape."""
+        low, high = self.bounds
+        step = (high[1] - low[1]) / _LINES
+        if not step > 0:
+            return 0.0, low
+        height = low[1] + step * (np.arange(_LINES) + 0.5)
+        row, x = self.crossings(height)
+        # Crossings of a line come in pairs, between which the shape is.
+        left, right, level = x[::2], x[1::2], height[row[::2]]
+        lengths = right - left
+        if not lengths.sum() > 0:
+            return 0.0, low
+        middle = np.array([lengths @ (left + right) / 2, lengths @ level]) / lengths.sum()
+        return float(step * lengths.sum()), middle
+
+    @property
+    def area(self) -> float:
+        """Area [m^2]."""
+        return self._sums[0]
+
+    @property
+    def center(self) -> Floats:
+        """Centre of the area (2,) [m]."""
+        return self._sums[1]
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Corners (2,), (2,) of the rectangle around the lines [m]."""
+        points = np.concatenate(self.outlines)
+        return points.min(axis=0), points.max(axis=0)
+
+    @cached_property
+    def _edges(self) -> Floats:
+        """Edges (E, 4): x and y of the lower end, then of the upper end; those along x cross nothing."""
+        edges = np.concatenate([np.hstack([one, np.roll(one, -1, axis=0)]) for one in self.outlines])
+        down = edges[:, 1] > edges[:, 3]
+        edges[down] = edges[down][:, [2, 3, 0, 1]]
+        return edges[edges[:, 3] > edges[:, 1]]
+
+    def crossings(self, heights: Floats) -> tuple[npt.NDArray[np.int64], Floats]:
+        """Return where horizontal lines cross the outlines.
+
+        Parameters
+        ----------
+        heights : float (H,), increasing
+            Heights of the lines [m].
+
+        Returns
+        -------
+        row, x : int64 (C,), float64 (C,)
+            Number of the line and place on it [m], sorted; each line has an even number of crossings.
+        """
+        x0, y0, x1, y1 = self._edges.T
+        first, last = np.searchsorted(heights, y0), np.searchsorted(heights, y1)
+        counts = last - first
+        edge = np.repeat(np.arange(len(counts)), counts)
+        row = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + first[edge]
+        along = (heights[row] - y0[edge]) / (y1 - y0)[edge]
+        x = x0[edge] + along * (x1 - x0)[edge]
+        order = np.lexsort((x, row))
+        return row[order], x[order]
+
+    def covers(self, points: Floats) -> npt.NDArray[np.bool_]:
+        """Return which points (N, 2) [m] lie inside; (N,)."""
+        heights, row = np.unique(points[:, 1], return_inverse=True)
+        crossed, x = self.crossings(heights)
+        # Rows are laid end to end, so that one search counts the crossings to the left of each point.
+        low = min(points[:, 0].min(initial=0.0), x.min(initial=0.0))
+        pitch = max(points[:, 0].max(initial=0.0), x.max(initial=0.0)) - low + 1.0
+        before = np.searchsorted(crossed * pitch + (x - low), row * pitch + (points[:, 0] - low))
+        starts = np.searchsorted(crossed, row)
+        return np.asarray((before - starts) % 2 == 1)
+
+    @cached_property
+    def crosses_itself(self) -> bool:
+        """Whether lines cross, so that the even-odd rule decides what is inside."""
+        edges = np.concatenate([np.hstack([one, np.roll(one, -1, axis=0)]) for one in self.outlines])
+        a, b = edges[:, None, :2], edges[:, None, 2:]
+        c, d = edges[None, :, :2], edges[None, :, 2:]
+        return bool(np.any((_side(a, b, c) * _side(a, b, d) < 0) & (_side(c, d, a) * _side(c, d, b) < 0)))
+
+
+def _side(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return on which side of lines from a to b points c are: the sign of the turn."""
+    ab, ac = b - a, c - a
+    return np.asarray(np.sign(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0]))
+
+
+StrokeSketch: TypeAlias = Arrow | Ellipse
+"""What one stroke of a pen, or a picture of it, is read as."""
+Sketch: TypeAlias = StrokeSketch | Shape
 
 
 def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
@@ -133,7 +284,7 @@ def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
 
     Parameters
     ----------
-    sketch : Arrow or Ellipse
+    sketch : Arrow, Ellipse or Shape
     size : sequence of 2 or 3 floats
         Length of the world along each axis [m].
 
@@ -149,6 +300,16 @@ def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
         length = float(np.linalg.norm(np.diff(sketch.points, axis=0), axis=1).sum())
         if length < least:
             raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {least:.4g}")
+        return
+    if isinstance(sketch, Shape):
+        for number, outline in enumerate(sketch.outlines):
+            try:
+                check_points_in_world(outline, size)
+            except SketchError as error:
+                raise SketchError(f"outlines[{number}].{error}") from error
+        low, high = sketch.bounds
+        if not np.all(high - low >= 2 * least):
+            raise SketchError(f"outlines: they must reach over at least {2 * least:.4g} m along both axes")
         return
     if not np.all(sketch.center <= size[:2]):
         raise SketchError(f"center must be {_range(size)}, got {sketch.center.tolist()}")
@@ -228,7 +389,8 @@ def checked_points(values: npt.ArrayLike) -> Floats:
     return points
 
 
-def _checked_widths(values: npt.ArrayLike, count: int) -> Floats:
+def checked_widths(values: npt.ArrayLike, count: int) -> Floats:
+    """Return stroke widths (count,) [pixels] as a read-only copy; raise `SketchError` unless in [2, 20]."""
     widths = _frozen(values)
     if widths.shape != (count,):
         raise SketchError(f"widths must have one number per point ({count}), got shape {widths.shape}")

@@ -20,7 +20,7 @@ from hybridmpm.control.sketch.sketch import (
     Arrow,
     Ellipse,
     Floats,
-    Sketch,
+    StrokeSketch,
     check_in_world,
     check_points_in_world,
     checked_points,
@@ -90,7 +90,9 @@ class Stroke(BaseModel):
         return self
 
 
-def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]], size: Sequence[float] = ONE_METRE) -> Sketch:
+def parse_strokes(
+    strokes: Sequence[Stroke | Mapping[str, Any]], size: Sequence[float] = ONE_METRE
+) -> StrokeSketch:
     """Return the sketch that a stroke stands for.
 
     Parameters

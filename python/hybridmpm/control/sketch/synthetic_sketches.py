@@ -17,7 +17,7 @@ from hybridmpm.control.sketch.sketch import (
     Arrow,
     Ellipse,
     Floats,
-    Sketch,
+    StrokeSketch,
 )
 
 _SPACING = 2.0
@@ -105,7 +105,7 @@ def random_hand(rng: np.random.Generator, kind: str) -> Hand:
     )
 
 
-def distort(sketch: Sketch, hand: Hand, rng: np.random.Generator) -> tuple[PenStroke, Drawing]:
+def distort(sketch: StrokeSketch, hand: Hand, rng: np.random.Generator) -> tuple[PenStroke, Drawing]:
     """Return a sketch as a hand draws it: what a tablet records, and what is seen on paper.
 
     The first is the one stroke, with times, along the arrow or round the oval. The second also has

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hybridmpm.control import Sketch, Stroke, render_png, reversed_from_seed
+from hybridmpm.control import Stroke, StrokeSketch, render_png, reversed_from_seed
 from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.data.control import Control, rounded
 from hybridmpm.data.generation.solids import Solids
@@ -51,7 +51,7 @@ def controlled(recipe: Recipe, seed: int, on_frame: Callable[[], object]) -> Tra
     return solids.trajectory(case.simulator(), case.positions, force=case.forces, seed=seed, control=control)
 
 
-def _by_hand(sketch: Sketch, seed: int) -> tuple[Stroke, bytes]:
+def _by_hand(sketch: StrokeSketch, seed: int) -> tuple[Stroke, bytes]:
     rng = np.random.default_rng([_HAND_SALT, seed])
     line, drawing = distort(sketch, random_hand(rng, sketch.kind), rng)
     stroke = Stroke(

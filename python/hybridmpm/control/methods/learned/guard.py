@@ -6,7 +6,7 @@ import numpy.typing as npt
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.goal.region import Oval, Region
+from hybridmpm.control.goal.region import Figure, Region
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.methods.method import Task
 
@@ -74,12 +74,12 @@ def _misplaced(places: Floats, paths: Paths, room: Room, weight: Floats) -> str 
     return None
 
 
-def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool_]:
-    """Return whether places (N, D) lie in the region of an oval, in 3D in the front view, (N,)."""
+def _in_view(drawn: Figure, region: Region, places: Floats) -> npt.NDArray[np.bool_]:
+    """Return whether places (N, D) lie in the region of what was drawn, in 3D in the front view, (N,)."""
     scale = max(1.0, region.scale)
     if places.shape[1] == 2:
         return region.reaches(places, scale)
-    return drawn.in_view.level(places[:, :2]) <= scale
+    return drawn.in_view.covers(places[:, :2], scale)
 
 
 def _too_dense(places: Floats, task: Task) -> float:

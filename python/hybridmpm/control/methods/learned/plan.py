@@ -63,6 +63,8 @@ class Learned:
         if task.goal.cloud.partial:
             raise FallBack("the network has seen whole fluids only")
         goal = task.goal
+        if goal.sketch.kind == "shape":
+            raise FallBack("the network follows arrows and ovals only")
         network = serving(TransportNetwork, self._network, simulator.scene)
         aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
         try:
