@@ -52,6 +52,7 @@ __all__ = [
     "least_acceleration",
     "limit_instructions",
     "match_to_region",
+    "push_force",
     "radius_graph",
     "raise_if_cancelled",
 ]
@@ -1352,6 +1353,40 @@ class Tracks:
         ConfigError
             Arrays that do not fit together.
         """
+
+def push_force(
+    x: npt.NDArray[np.float32],
+    v: npt.NDArray[np.float32],
+    *,
+    point: Sequence[float],
+    velocity: Sequence[float],
+    radius: float,
+    cap: float,
+    frame_dt: float,
+) -> npt.NDArray[np.float32]:
+    """Return the accelerations (N, D) [m/s^2] by which a hand drags particles along.
+
+    They are w (velocity - v) / (4 frame_dt) with w = (1 - r^2 / radius^2)^2 within the radius, computed in
+    double precision; pages that play call the same function. `frame_dt` [s] is rounded to float32 first.
+
+    Parameters
+    ----------
+    x, v : float32 (N, D)
+        Positions [m] and velocities [m/s].
+    point, velocity : sequence of D floats
+        Middle [m] and velocity [m/s] of the hand.
+    radius : float > 0
+        [m].
+    cap : float > 0
+        Largest acceleration [g = 9.81 m/s^2].
+    frame_dt : float
+        Length of a frame [s].
+
+    Raises
+    ------
+    ConfigError
+        A number out of range, or shapes that do not fit together.
+    """
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""

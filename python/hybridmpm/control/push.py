@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _core
 from hybridmpm.control.checks import positive, vector
-from hybridmpm.control.goal.cloud import EARTH, Floats
+from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.simulator import Simulator
-
-_FRAMES = 4
-"""Frames in which the fluid in the middle would reach the velocity of the hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +34,15 @@ class Push:
         """
         point = vector("point", self.point, simulator.dim)
         velocity = vector("velocity", self.velocity, simulator.dim)
-        square = ((simulator.positions - point) ** 2).sum(axis=1) / self.radius**2
-        near = np.maximum(0.0, 1.0 - square) ** 2
-        force = near[:, None] * (velocity - simulator.velocities) / (_FRAMES * simulator.scene.frame_dt)
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        force *= np.minimum(1.0, self.cap * EARTH / np.maximum(size, 1e-12))
-        return np.asarray(force, dtype=np.float32)
+        return _core.push_force(
+            simulator.positions,
+            simulator.velocities,
+            point=point.tolist(),
+            velocity=velocity.tolist(),
+            radius=self.radius,
+            cap=self.cap,
+            frame_dt=simulator.scene.frame_dt,
+        )
 
 
 def push(point: npt.ArrayLike, velocity: npt.ArrayLike, radius: float, *, cap: float = 15.0) -> Push:

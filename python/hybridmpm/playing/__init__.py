@@ -5,6 +5,7 @@ the state that it begins with.
 """
 
 import base64
+import functools
 import gzip
 import html
 import json
@@ -29,6 +30,8 @@ from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
 
+MODULES = ("plane", "plane-exact", "space", "space-exact")
+"""Names of the compiled solvers."""
 _MOST_SOLID_POINTS = 12_000
 """Most points that show one obstacle."""
 _HEIGHT = 560
@@ -161,8 +164,8 @@ def _page(solver: MpmSolver, name: str, text: str, about: dict[str, Any], ways: 
         "scene": json.dumps(about).replace("<", "\\u003c"),
         "start": _packed(solver.start_file()),
         "ways": _packed(ways),
-        "module": _as_text(_asset(f"{space}.wasm.gz")),
-        "module-exact": _as_text(_asset(f"{space}-exact.wasm.gz")),
+        "module": _as_text(module(space)),
+        "module-exact": _as_text(module(f"{space}-exact")),
         "worker": "\n".join(_asset(name).decode() for name in ("readings.js", "worker.js")),
         "player": "\n".join(_asset(name).decode() for name in ("charts.js", "player.js")),
     }
@@ -193,6 +196,25 @@ def _points(obstacle: Obstacle, lattice: npt.NDArray[np.float32], step: float) -
         inside &= distance > -1.5 * step
     points = lattice[inside]
     return points[:: -(-len(points) // _MOST_SOLID_POINTS) or 1]
+
+
+@functools.cache
+def module(name: str) -> bytes:
+    """Return a compiled solver for browsers, packed by gzip.
+
+    Parameters
+    ----------
+    name : str
+        "plane" in 2D or "space" in 3D, with "-exact" for browsers that round products of vectors.
+
+    Raises
+    ------
+    ConfigError
+        There is no such module.
+    """
+    if name not in MODULES:
+        raise ConfigError(f"there is no module {name!r}, only {', '.join(MODULES)}")
+    return _asset(f"{name}.wasm.gz")
 
 
 def _packed(data: bytes) -> str:

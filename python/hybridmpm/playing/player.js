@@ -11,7 +11,7 @@ const LAYERS = 2048; // of depth, in which particles are drawn
 const SCALE = [[30, 60, 150], [40, 130, 220], [90, 210, 230], [250, 240, 140], [250, 150, 70]];
 const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
 const PICTURE = 30; // longest computation from one picture to the next [ms]
-const HAND = { radius: 0.08, cap: 150 }; // m, m/s^2
+const HAND = { radius: 0.08, cap: 15 }; // m, g
 const MARGIN = 0.04; // of the picture, around the walls
 
 const part = (id) => document.getElementById(id);

@@ -12,7 +12,7 @@ from hybridmpm.control.guidance import Guidance
 from hybridmpm.control.laws import AHEAD_FRAMES, Tracked
 from hybridmpm.errors import ConfigError
 
-_MAGIC, _VERSION = b"HMWY", 1
+_MAGIC, _VERSION = b"HMWY", 2
 _OUTLINE = 64
 """Number of points on the outline of an oval."""
 
@@ -32,28 +32,29 @@ def ways_file(guidance: Guidance) -> bytes:
             'method="analytic"'
         )
     settings = (len(law.gravity), guidance.first_frame, guidance.total_frames, law.cells)
-    size = np.ones(len(law.gravity))  # of the world [m]: sketches steer in that of one metre only
+    unit = law.unit
+    size = np.ones(len(law.gravity))  # of the part of the world on which the grid of the force lies [units]
     parts = [
         struct.pack("<4sIIIII", _MAGIC, _VERSION, *settings),
-        struct.pack("<d", law.frame_dt),
-        np.concatenate([law.gravity, size]).astype("<f4").tobytes(),
-        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, AHEAD_FRAMES * law.frame_dt, law.cap),
+        struct.pack("<df", law.frame_dt, unit),
+        np.concatenate([law.gravity / unit, size]).astype("<f4").tobytes(),
+        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, AHEAD_FRAMES * law.frame_dt, law.cap / unit),
         _array(law.starts, "<u4"),
         _array(law.times, "<f4"),
-        _array(law.x, "<f4"),
-        _array(law.v, "<f4"),
+        _array(law.x / unit, "<f4"),
+        _array(law.v / unit, "<f4"),
         _array(law.path, "<u4"),
-        _array(law.offset, "<f4"),
+        _array(law.offset / unit, "<f4"),
         _array(law.weight, "<f4"),
         _array(law.ids, "<u4"),
     ]
     if law.room is None:
         parts.append(_array(np.empty(0), "<u4"))
     else:
-        distance = law.room["distance"]
+        distance = law.room["distance"] / unit
         parts += [
             _array(np.array(distance.shape), "<u4"),
-            np.append(law.room["lower"], law.room["spacing"]).astype("<f8").tobytes(),
+            (np.append(law.room["lower"], law.room["spacing"]) / unit).astype("<f8").tobytes(),
             distance.astype("<f8").tobytes(),
         ]
     return b"".join(parts)

@@ -90,7 +90,7 @@ function advance(frames, hand) {
   // Without probes all frames are one call.
   const step = readings === null ? frames : 1;
   for (let done = 0; done < frames; done += step) {
-    if (numbers.length > 0) give(Float32Array.from(numbers));
+    if (numbers.length > 0) give(Float64Array.from(numbers));
     if (!core.advance(player, step, numbers.length)) throw failure();
     if (readings === null) continue;
     readings.note();

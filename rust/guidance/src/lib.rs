@@ -2,7 +2,7 @@
 //!
 //! Before the motion, `match_to_region` assigns a place in the goal to each particle and a way around obstacles to each
 //! group of particles, and `least_acceleration` times a way. In each frame `Tracks::force` returns the accelerations with
-//! which particles follow their ways from their actual positions. This crate simulates nothing, and does not depend on
+//! which particles follow their ways from their actual positions. `Push` is the local force of a hand. This crate simulates nothing, and does not depend on
 //! Python.
 
 mod assignment;
@@ -13,6 +13,7 @@ mod free_space;
 mod matching;
 mod partition;
 mod paths;
+mod push;
 mod sight;
 mod spline;
 mod tracks;
@@ -22,5 +23,6 @@ pub use error::GuidanceError;
 pub use free_space::FreeSpace;
 pub use matching::{Matching, match_to_region};
 pub use paths::Paths;
+pub use push::Push;
 pub use spline::{Timing, least_acceleration};
 pub use tracks::{Law, Tracks};

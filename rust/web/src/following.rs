@@ -7,7 +7,7 @@ use crate::dimension::D;
 /// First number of a file of ways.
 const MAGIC: u32 = u32::from_le_bytes(*b"HMWY");
 /// Version of its layout.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Particles on their ways for some frames.
 pub struct Following {
@@ -18,6 +18,8 @@ pub struct Following {
     first_frame: u64,
     frames: u64,
     frame_dt: f64,
+    /// Longest side of the world [m], the length in which ways and law are given.
+    unit: f32,
 }
 
 impl Following {
@@ -37,6 +39,7 @@ impl Following {
         let [frame_dt] = reader.doubles(1)?[..] else {
             unreachable!("one number was read")
         };
+        let unit = reader.float()?;
         let law = Law {
             gravity: reader.vector()?,
             size: reader.vector()?,
@@ -68,6 +71,7 @@ impl Following {
             first_frame: first_frame.into(),
             frames: frames.into(),
             frame_dt,
+            unit,
         })
     }
 
@@ -84,12 +88,16 @@ impl Following {
             return None;
         }
         let time = (index as f64 * self.frame_dt) as f32;
+        let in_units = |rows: &[[f32; D]]| -> Vec<[f32; D]> {
+            let rows = rows.iter();
+            rows.map(|row| row.map(|number| number / self.unit))
+                .collect()
+        };
         if ids == self.ids {
-            return Some(
-                self.tracks
-                    .force(x, v, &self.weight, time, None)
-                    .into_flattened(),
-            );
+            let (x, v) = (in_units(x), in_units(v));
+            let force = self.tracks.force(&x, &v, &self.weight, time, None);
+            let force = force.into_iter().flatten();
+            return Some(force.map(|number| self.unit * number).collect());
         }
         // Rows of those that are led and still there.
         let led: Vec<(usize, u32)> = (ids.iter().enumerate())
@@ -98,8 +106,8 @@ impl Following {
         let (mut near, mut speeds) = (Vec::new(), Vec::new());
         let (mut weight, mut rows) = (Vec::new(), Vec::new());
         for &(place, row) in &led {
-            near.push(x[place]);
-            speeds.push(v[place]);
+            near.push(x[place].map(|number| number / self.unit));
+            speeds.push(v[place].map(|number| number / self.unit));
             weight.push(self.weight[row as usize]);
             rows.push(row);
         }
@@ -108,7 +116,7 @@ impl Following {
             .force(&near, &speeds, &weight, time, Some(&rows));
         let mut force = vec![[0.0; D]; ids.len()];
         for (&(place, _), wanted) in led.iter().zip(wanted) {
-            force[place] = wanted;
+            force[place] = wanted.map(|number| self.unit * number);
         }
         Some(force.into_flattened())
     }

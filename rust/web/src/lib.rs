@@ -17,16 +17,16 @@ use player::{Player, Quantity};
 
 thread_local! {
     /// What the page gives.
-    static GIVEN: RefCell<Vec<f32>> = const { RefCell::new(Vec::new()) };
+    static GIVEN: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
     /// Why the latest call failed.
     static MESSAGE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
 /// Memory for `length` bytes that the next call takes.
 #[unsafe(no_mangle)]
-pub extern "C" fn reserve(length: usize) -> *mut f32 {
+pub extern "C" fn reserve(length: usize) -> *mut f64 {
     GIVEN.with_borrow_mut(|given| {
-        given.resize(length.div_ceil(size_of::<f32>()), 0.0);
+        given.resize(length.div_ceil(size_of::<f64>()), 0.0);
         given.as_mut_ptr()
     })
 }
@@ -109,10 +109,18 @@ pub extern "C" fn frame_dt(player: &Player) -> f32 {
 }
 
 /// Advances by whole frames. With `numbers` above 0 a hand pushes; given are its point, its velocity, its radius and the
-/// largest acceleration: D + D + 2 numbers in SI units.
+/// largest acceleration [g]: D + D + 2 numbers in double precision, those in metres and seconds.
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(player: &mut Player, frames: usize, numbers: usize) -> bool {
-    keep(with_numbers(numbers, |hand| player.advance(frames, hand))).is_some()
+    let done =
+        GIVEN.with_borrow(|given| player.advance(frames, &given[..numbers.min(given.len())]));
+    keep(done).is_some()
+}
+
+/// N permanent numbers of the particles, ascending.
+#[unsafe(no_mangle)]
+pub extern "C" fn ids(player: &Player) -> *const u64 {
+    player.ids().as_ptr()
 }
 
 /// The first numbers of N x D positions [m]; null where they cannot be computed.
@@ -186,7 +194,11 @@ pub extern "C" fn digest(player: &mut Player) -> *const u8 {
 }
 
 fn with_numbers<T>(length: usize, f: impl FnOnce(&[f32]) -> T) -> T {
-    GIVEN.with_borrow(|given| f(&given[..length.min(given.len())]))
+    GIVEN.with_borrow(|given| {
+        let length = length.min(size_of_val(given.as_slice()) / size_of::<f32>());
+        // SAFETY: every pattern of bits is a number, there are at least `length`, and doubles are aligned more strictly.
+        f(unsafe { slice::from_raw_parts(given.as_ptr().cast(), length) })
+    })
 }
 
 fn address(numbers: Result<&[f32], MpmError>) -> *const f32 {

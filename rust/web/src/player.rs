@@ -1,5 +1,6 @@
 //! A simulation, and the memory for what a page reads.
 
+use guidance::Push;
 use mpm::{CoarseParticles, Force, MpmError, Solver, Start, Upsampler, Vector};
 use sha2::{Digest, Sha256};
 
@@ -91,7 +92,8 @@ impl Player {
         self.solver.count()
     }
 
-    fn ids(&self) -> &[u64] {
+    /// Permanent numbers of the particles that are shown, ascending.
+    pub fn ids(&self) -> &[u64] {
         match &self.upsampler {
             Some(upsampler) => upsampler.ids(),
             None => self.solver.ids(),
@@ -107,10 +109,23 @@ impl Player {
     }
 
     /// Advances by frames. `hand` is empty, or a hand that pushes: its point, its velocity, its radius and the largest
-    /// acceleration.
-    pub fn advance(&mut self, frames: usize, hand: &[f32]) -> Result<(), MpmError> {
+    /// acceleration [g].
+    pub fn advance(&mut self, frames: usize, hand: &[f64]) -> Result<(), String> {
+        let push = match hand.first_chunk::<{ 2 * D + 2 }>() {
+            None => None,
+            Some(hand) => {
+                let vector = |first| std::array::from_fn(|axis| hand[first + axis]);
+                let push = Push::new(vector(0), vector(D), hand[2 * D], hand[2 * D + 1]);
+                Some(push.map_err(|error| error.to_string())?)
+            }
+        };
+        self.advance_pushed(frames, push.as_ref())
+            .map_err(|error| error.to_string())
+    }
+
+    fn advance_pushed(&mut self, frames: usize, push: Option<&Push<D>>) -> Result<(), MpmError> {
         for _ in 0..frames {
-            match self.force(hand)? {
+            match self.force(push)? {
                 None => self.advance_frame(Force::None)?,
                 Some(force) => match &mut self.upsampler {
                     None => self.advance_frame(Force::Held(&force))?,
@@ -126,8 +141,8 @@ impl Player {
     }
 
     /// Accelerations of the particles that are shown, of ways and hand together; None where there are neither.
-    fn force(&mut self, hand: &[f32]) -> Result<Option<Vec<f32>>, MpmError> {
-        if hand.is_empty() && self.following.is_none() {
+    fn force(&mut self, push: Option<&Push<D>>) -> Result<Option<Vec<f32>>, MpmError> {
+        if push.is_none() && self.following.is_none() {
             return Ok(None);
         }
         let x = self.read(Quantity::Positions)?.to_vec();
@@ -135,11 +150,11 @@ impl Player {
         let (x, v) = (x.as_chunks::<D>().0, v.as_chunks::<D>().0);
         let following = self.following.as_ref();
         let force = following.and_then(|ways| ways.force(self.frame(), self.ids(), x, v));
-        if hand.is_empty() {
+        let Some(push) = push else {
             return Ok(force);
-        }
+        };
         let mut force = force.unwrap_or_else(|| vec![0.0; x.len() * D]);
-        push(&mut force, x, v, hand, self.frame_dt())?;
+        push.add_to(force.as_chunks_mut().0, x, v, self.frame_dt());
         Ok(Some(force))
     }
 
@@ -260,36 +275,4 @@ impl Player {
         self.bytes = hash.finalize().to_vec();
         Ok(&self.bytes)
     }
-}
-
-/// Adds the force of `control.push`: w (velocity - u) / (4 frames), w = (1 - r^2 / R^2)^2, within its cap.
-fn push(
-    force: &mut [f32],
-    x: &[[f32; D]],
-    v: &[[f32; D]],
-    hand: &[f32],
-    frame_dt: f32,
-) -> Result<(), MpmError> {
-    let Some(hand) = hand.first_chunk::<{ 2 * D + 2 }>() else {
-        let allowed = "a point, a velocity, a radius and a largest acceleration";
-        return Err(MpmError::parameter("hand", allowed, hand));
-    };
-    let (point, velocity) = (&hand[..D], &hand[D..2 * D]);
-    let (radius, cap) = (hand[2 * D], hand[2 * D + 1]);
-    let per_speed = 0.25 / frame_dt;
-    for (force, (x, v)) in force.chunks_exact_mut(D).zip(x.iter().zip(v)) {
-        let square: f32 = x.iter().zip(point).map(|(x, p)| (x - p) * (x - p)).sum();
-        let weight = (1.0 - square / (radius * radius)).max(0.0);
-        if weight == 0.0 {
-            continue;
-        }
-        let own: [f32; D] =
-            std::array::from_fn(|axis| weight * weight * (velocity[axis] - v[axis]) * per_speed);
-        let size = own.iter().map(|a| a * a).sum::<f32>().sqrt();
-        let share = (cap / size.max(1.0e-12)).min(1.0);
-        for (component, own) in force.iter_mut().zip(own) {
-            *component += share * own;
-        }
-    }
-    Ok(())
 }

@@ -1,12 +1,15 @@
-//! Guidance of particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Tracks`.
+//! Guidance of particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Tracks`,
+//! `push_force`.
 
 mod arrays;
 mod free_space;
 mod matching;
+mod push;
 mod timing;
 mod tracks;
 
 pub use free_space::PyFreeSpace;
 pub use matching::{PyMatching, match_to_region};
+pub use push::push_force;
 pub use timing::{PyTiming, least_acceleration};
 pub use tracks::PyTracks;
