@@ -19,6 +19,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 import hybridmpm
+from hybridmpm.errors import ConfigError
+from hybridmpm.playing import module
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.connection import (
     AccessMiddleware,
@@ -87,6 +89,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         route for router in routers for route in router.routes if isinstance(route, APIRoute)
     ]
     app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
+    app.add_route("/modules/{name}.wasm", _module, methods=["GET", "HEAD"], include_in_schema=False)
     if settings.metrics != "off":
         app.add_route("/metrics", _metrics, methods=["GET", "HEAD"], include_in_schema=False)
     app.frontend("/", directory=PAGE, fallback=None)
@@ -146,6 +149,19 @@ def _front(request: Request) -> Response:
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
     return HTMLResponse(text, headers={"ETag": tag})
+
+
+def _module(request: Request) -> Response:
+    """Return a compiled solver, which the page runs in a worker."""
+    try:
+        packed = module(request.path_params["name"])
+    except ConfigError as error:
+        raise HTTPException(404, str(error)) from None
+    tag = f'"{hashlib.sha256(packed).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Content-Encoding": "gzip", "Vary": "Accept-Encoding"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"ETag": tag})
+    return Response(packed, media_type="application/wasm", headers=headers)
 
 
 def _metrics(request: Request) -> Response:

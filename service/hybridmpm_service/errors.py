@@ -71,6 +71,10 @@ class SketchDroppedError(ServiceError):
     """The sketch was replaced, undone or ended by a reset before its preparation had ended."""
 
 
+class LeadRefusedError(ServiceError):
+    """The tab of a viewer cannot compute the frames of the session now."""
+
+
 class PressureUnknownError(ServiceError):
     """The pressure is unknown: a network moves the particles of the session, or may."""
 

@@ -255,6 +255,10 @@ class AsyncSession:
         """Return the particles at the present frame."""
         return Particles.of(await self._client.request("GET", f"{self._path}/particles", headers=_NPZ))
 
+    async def start_file(self) -> bytes:
+        """Return what a solver in a browser needs to go on from the present state; only MPM has it."""
+        return (await self._client.request("GET", f"{self._path}/start")).content
+
     async def fork(self) -> "AsyncSession":
         """Create a session that continues from the present state of this one."""
         return AsyncSession(self._client, (await self._post("fork")).json())
@@ -492,6 +496,26 @@ class AsyncStream:
     async def let_go(self) -> None:
         """End the push."""
         await self._send("push_end")
+
+    async def lead(self) -> None:
+        """Compute the frames of the session in this client; the service answers with its state."""
+        await self._send("lead")
+
+    async def led(self, upto: int, inputs: Sequence[Json] = ()) -> None:
+        """Report the frames that this client has computed, and the pushes in them.
+
+        Parameters
+        ----------
+        upto : int
+            Latest frame.
+        inputs : sequence of dict
+            Each {"frame": first frame whose state it acts on, "push": arguments of `push`, or None}.
+        """
+        await self._send("led", upto=upto, inputs=list(inputs))
+
+    async def unlead(self, digest: str | None = None, *, pause: bool = False) -> None:
+        """Let the session go on alone, or pause; the service compares this digest with that of its state."""
+        await self._send("unlead", digest=digest, pause=pause)
 
     async def _send(self, kind: str, **values: Any) -> None:
         try:

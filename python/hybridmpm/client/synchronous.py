@@ -97,6 +97,9 @@ class Stream(_Waiting[AsyncStream]):
     speed = _waits(AsyncStream.speed)
     push = _waits(AsyncStream.push)
     let_go = _waits(AsyncStream.let_go)
+    lead = _waits(AsyncStream.lead)
+    led = _waits(AsyncStream.led)
+    unlead = _waits(AsyncStream.unlead)
 
     @property
     def hello(self) -> Json:
@@ -145,6 +148,7 @@ class Session(_Waiting[AsyncSession]):
     refresh = _waits(AsyncSession.refresh)
     advance = _waits(AsyncSession.advance)
     particles = _waits(AsyncSession.particles)
+    start_file = _waits(AsyncSession.start_file)
     fork = _makes(AsyncSession.fork, lambda one: Session(one))  # noqa: PLW0108 - not defined yet
     log = _waits(AsyncSession.log)
     decisions = _waits(AsyncSession.decisions)

@@ -98,6 +98,7 @@ class SessionBody(Answer):
         time=0.03,
         frame_dt=0.0025,
         playing=False,
+        led=False,
         speed=0.25,
         centroid=[0.41, 0.52],
         solver="hybrid",
@@ -134,6 +135,8 @@ class SessionBody(Answer):
     """Simulated time of a frame [s]."""
     playing: bool
     """Whether the player computes frames."""
+    led: bool
+    """Whether the tab of a viewer computes the frames first, and the player those that it has reported."""
     speed: float
     """Target speed of the player: simulated seconds per second."""
     centroid: list[float] | None
@@ -182,6 +185,7 @@ class SessionBody(Answer):
             time=view.time,
             frame_dt=session.scene.frame_dt,
             playing=session.playing,
+            led=session.led,
             speed=session.speed,
             centroid=None if view.centroid is None else list(view.centroid),
             solver=origin.choice.solver,

@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, TypeAdapter
 
 from hybridmpm.control import Stroke
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import FrameCount, Hand, SketchSettings, Strict
+from hybridmpm_service.sessions.inputs import Frame, FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.scene_work import read_log, value_of
 from hybridmpm_service.sessions.turns import Turns
@@ -205,6 +205,35 @@ class EndPush(Strict):
     type: Literal["push_end"]
 
 
-Command = Play | Pause | Step | Reset | Speed | PushFluid | EndPush
+class StartLead(Strict):
+    """Compute the frames of the session in this viewer's tab from now on."""
+
+    type: Literal["lead"]
+
+
+class LedInput(Strict):
+    """Start, change or end of the hand's push in a frame that the tab has computed."""
+
+    frame: Frame
+    push: Hand | None
+
+
+class Follow(Strict):
+    """Report the frames that the tab has computed, and its inputs."""
+
+    type: Literal["led"]
+    upto: Frame
+    inputs: list[LedInput] = Field(default_factory=list, max_length=1000)
+
+
+class EndLead(Strict):
+    """Let the session go on alone from the latest frame that was reported."""
+
+    type: Literal["unlead"]
+    digest: str | None = Field(default=None, pattern="^[0-9a-f]{64}$")
+    pause: bool = False
+
+
+Command = Play | Pause | Step | Reset | Speed | PushFluid | EndPush | StartLead | Follow | EndLead
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="type")])
 """Reader of the stream's text messages."""

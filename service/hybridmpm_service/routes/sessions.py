@@ -35,6 +35,8 @@ After = Annotated[
         "It ends earlier where a new session needs the room.",
     ),
 ]
+START = "application/x-hybridmpm-start"
+"""Media type of a start file."""
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _NPZ_CONTENT = {NPZ: _BINARY}
 _PARTICLES_CONTENT = {NPZ: _BINARY, PLY: _BINARY, VTP: _BINARY}
@@ -97,6 +99,20 @@ async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionLi
 async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBody:
     """Return the pressure in the mean over the cells of a grid; only MPM computes it."""
     return PressureBody.of(await sessions.get(session_id).pressure())
+
+
+@router.get(
+    "/{session_id}/start",
+    response_class=Response,
+    responses={200: {"content": {START: _BINARY}}, **problems(404, 409, 422, 503)},
+)
+async def get_start(session_id: SessionId, sessions: Sessions) -> Response:
+    """Return what a compiled solver in a browser needs to go on from the present state; only MPM has it.
+
+    The ETag is the digest of the state.
+    """
+    _, digest, data = await sessions.get(session_id).start_file()
+    return Response(data, media_type=START, headers={"ETag": f'"{digest}"'})
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404, 422, 503))

@@ -24,16 +24,20 @@ from hybridmpm_service.http.problems import MAX_DETAIL, row_of, shortened, urn_o
 from hybridmpm_service.http.requests import (
     COMMAND,
     Command,
+    EndLead,
     EndPush,
+    Follow,
     Pause,
     Play,
     PushFluid,
     Reset,
     Speed,
+    StartLead,
     Step,
     read_json,
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
+from hybridmpm_service.sessions.inputs import Hand, PushInput
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers import Mailbox, MailboxClosed, Message, Signal
@@ -187,22 +191,46 @@ async def _execute(command: Command, session: Session, mailbox: Mailbox, limits:
         case Speed(value=value):
             session.set_speed(value)
         case PushFluid():
-            session.push(_push(command, session.scene.size), by=mailbox)
+            made = _push(command, session.scene.size)
+            session.end_lead("a hand pushed on the server")
+            session.push(made, by=mailbox)
         case EndPush():
+            session.end_lead("a hand let go on the server")
             session.push(None, by=mailbox)
+        case _:
+            await _lead(command, session, mailbox)
 
 
-def _push(command: PushFluid, size: tuple[float, ...]) -> Push:
+async def _lead(command: StartLead | Follow | EndLead, session: Session, mailbox: Mailbox) -> None:
+    match command:
+        case StartLead():
+            await session.lead(mailbox)
+        case Follow():
+            await session.follow(command.upto, _led(command, session.scene.size), mailbox)
+        case EndLead():
+            await session.unlead(mailbox, command.digest, pause=command.pause)
+
+
+def _led(command: Follow, size: tuple[float, ...]) -> list[tuple[PushInput, Push | None]]:
+    """Return the inputs of a leading tab, each with its force."""
+    found = []
+    for place, one in enumerate(command.inputs):
+        force = None if one.push is None else _push(one.push, size, f"inputs[{place}].push.")
+        found.append((PushInput(frame=one.frame, push=one.push), force))
+    return found
+
+
+def _push(hand: Hand, size: tuple[float, ...], where: str = "") -> Push:
     dim = len(size)
     for name in ("point", "velocity"):
-        given = len(getattr(command, name))
+        given = len(getattr(hand, name))
         if given != dim:
-            raise FieldError(name, f"must have {dim} numbers in this session, got {given}")
-    for axis, (x, length) in enumerate(zip(command.point, size, strict=True)):
+            raise FieldError(f"{where}{name}", f"must have {dim} numbers in this session, got {given}")
+    for axis, (x, length) in enumerate(zip(hand.point, size, strict=True)):
         if x > length:
             text = f"must be less than or equal to {length:g}, got {x:g}"
-            raise FieldError(f"point[{axis}]", text)
-    return push(command.point, command.velocity, command.radius, cap=command.cap)
+            raise FieldError(f"{where}point[{axis}]", text)
+    return push(hand.point, hand.velocity, hand.radius, cap=hand.cap)
 
 
 def _refusal(err: ValidationError) -> FieldError:

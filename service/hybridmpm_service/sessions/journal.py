@@ -5,7 +5,7 @@ import logging
 import math
 import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -184,6 +184,28 @@ class Journal:
         if isinstance(made, SketchInput):
             self.sketches = made.number
         self._write(lambda file: file.append(made, snapshot, complete=self._complete))
+
+    def promise(self, inputs: Sequence[Input], frame: int) -> None:
+        """Note inputs that will act in frames up to one that a tab has computed already."""
+        for one in inputs:
+            self._pending += 1
+            self.add(one)
+        self.mark(frame)
+
+    def take_back(self, checkpoint: Checkpoint) -> None:
+        """Forget the pending inputs, since a frame has failed; the checkpoint is of the present frame."""
+        if self._complete:
+            self._inputs = Inputs(self._inputs[place] for place in range(len(self._inputs) - self._pending))
+        self._pending = 0
+        self._write(
+            lambda file: file.rewrite(
+                self._inputs,
+                checkpoint,
+                complete=self._complete,
+                reached=checkpoint.frame,
+                notice=file.notice,
+            )
+        )
 
     def acted(self) -> None:
         """Note that the first pending input acts."""

@@ -194,6 +194,9 @@ class Player:
         Whether commands wait for the thread; the player then ends its turn after the current frame.
     on_fault : callable
         Called while an unexpected exception is handled; it has to stop the player.
+    behind : callable
+        Returns the number of frames that a tab is ahead, which are due at once; None where none leads. Called
+        in the thread that computes, too.
     """
 
     def __init__(
@@ -206,12 +209,14 @@ class Player:
         compute: Compute,
         hurried: Callable[[], bool],
         on_fault: Callable[[], None],
+        behind: Callable[[], int | None] = lambda: None,
     ) -> None:
         self._pace = Pace(frame_dt, DEFAULT_SPEED)
         self._clock = clock
         self._machine = machine
         self._frame_seconds = frame_seconds
         self._compute = compute
+        self._behind = behind
         self._hurried = hurried
         self._on_fault = on_fault
         self._playing = asyncio.Event()
@@ -279,8 +284,13 @@ class Player:
             began = self._clock()
             next_tick = began + _TICK_SECONDS
             try:
-                computed = await self.take_turn(self._pace.due(began))
-                self._pace.count(computed)
+                behind = self._behind()
+                computed = await self.take_turn(self._pace.due(began) if behind is None else behind)
+                if behind is None:
+                    self._pace.count(computed)
+                else:
+                    # The tab keeps the pace; what it has computed is no debt of the player later.
+                    self._pace.start(self._clock())
                 if computed:
                     self._machine.on_turn(computed, max(0.0, began - due_at))
             except (SimulationError, SessionBusyError):
@@ -294,6 +304,10 @@ class Player:
             due_at = max(next_tick, now + wait) if wait else next_tick
             await asyncio.sleep(max(0.0, due_at - now))
 
+    def _is_due(self) -> bool:
+        """Return whether another frame is due. A call may have computed meanwhile what a tab was ahead."""
+        return self.playing and self._behind() != 0
+
     async def take_turn(self, frames: int) -> int:
         """Compute frames until a turn's time is over or a command waits; return their number."""
         if frames == 0:
@@ -305,7 +319,7 @@ class Player:
             if deadline is None:
                 # Counted from the start on the thread, since a player may have to wait for it.
                 deadline = self._clock() + _MAX_TURN_SECONDS
-                return self.playing
-            return self.playing and self._clock() < deadline and not self._hurried()
+                return self._is_due()
+            return self._is_due() and self._clock() < deadline and not self._hurried()
 
         return await self._compute(frames, go_on)

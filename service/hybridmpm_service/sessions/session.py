@@ -3,16 +3,17 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.errors import ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.inputs import Origin
+from hybridmpm_service.errors import LeadRefusedError, ServiceError, SessionNotFoundError
+from hybridmpm_service.sessions.inputs import Origin, PushInput
 from hybridmpm_service.sessions.journal import Kept
+from hybridmpm_service.sessions.lead import SILENT_SECONDS, Lead, hand_of, note
 from hybridmpm_service.sessions.player import Clock, Machine, Player
 from hybridmpm_service.sessions.revival import SessionLog, log_of
 from hybridmpm_service.sessions.simulation import Simulation, Steered
@@ -107,10 +108,12 @@ class Session:
             machine=machine,
             frame_seconds=lambda: self.frame_seconds,
             compute=self._compute,
+            behind=self._behind,
             hurried=lambda: self._worker.in_demand,
             on_fault=self._on_player_fault,
         )
         self._pusher: Mailbox | None = None
+        self._lead: Lead | None = None
         self._calls = 0
         self._closed = False
         self._cancel = CancelFlag()
@@ -150,6 +153,11 @@ class Session:
         return self._player.playing
 
     @property
+    def led(self) -> bool:
+        """Whether the tab of a viewer computes the frames first."""
+        return self._lead is not None
+
+    @property
     def speed(self) -> float:
         """Target speed of the player: simulated seconds per second."""
         return self._player.speed
@@ -184,6 +192,7 @@ class Session:
         SessionBusyError
             Too many calls wait for the session.
         """
+        self.end_lead("frames were asked for")
         abandoned = False
 
         def compute() -> View:
@@ -219,6 +228,7 @@ class Session:
         SessionNotFoundError, SessionBusyError
             As in `advance`.
         """
+        self.end_lead("a sketch is planned")
         preparation, number = self._planner.begin(sketch)
 
         def take_over(guidance: Guidance) -> Steered:
@@ -244,6 +254,7 @@ class Session:
 
     async def release(self) -> None:
         """End the sketch that steers; drop one that is being prepared. Errors as in `advance`."""
+        self.end_lead("the sketch was taken back")
         self._planner.drop("the sketch was taken back before it began to steer")
         await self._call(self.simulation.release)
 
@@ -259,6 +270,170 @@ class Session:
         """
         self.simulation.hand = push
         self._pusher = None if push is None else by
+
+    async def lead(self, by: Mailbox) -> None:
+        """Let the tab of a viewer compute the frames from now on; its mailbox gets the state to begin with.
+
+        The session plays, and computes what `follow` notes. Whatever else changes it ends the lead.
+
+        Parameters
+        ----------
+        by : Mailbox
+            Mailbox of the viewer.
+
+        Raises
+        ------
+        LeadRefusedError
+            A network moves the particles, a sketch steers, or another viewer leads or pushes.
+        MachineFullError
+            Other sessions leave too little of the machine's time to play.
+        SessionNotFoundError, SessionBusyError
+            As in `advance`.
+        """
+        if self.simulation.kind != "mpm":
+            raise LeadRefusedError("a tab computes frames of MPM alone: networks run on servers only")
+        if self._lead is not None and self._lead.by is not by:
+            raise LeadRefusedError("another viewer's tab computes the frames: watch them, or try again later")
+        if self._pusher not in (None, by):
+            raise LeadRefusedError("another viewer's hand pushes: try again when it has let go")
+        if self._planner.control is not None or self.view.steers:
+            raise LeadRefusedError("a sketch steers, which the server plans: try again when it has ended")
+        self.play()
+        self._lead = lead = Lead(by)
+
+        def begin() -> None:
+            frame, digest = self.simulation.frame, self.simulation.particles().digest()
+            hand = self.simulation.note_hand()
+            self._reported(frame)
+            self._loop.call_soon_threadsafe(begun, frame, digest, hand)
+
+        def begun(frame: int, digest: str, hand: Push | None) -> None:
+            if self._lead is lead:
+                lead.upto, lead.silent = frame, 0
+                types = [material.type_id for material in self.scene.materials]
+                by.put_text(note("lead", frame=frame, digest=digest, push=hand_of(hand), types=types))
+
+        try:
+            await self._call(begin)
+        except BaseException:
+            self._lead = None if self._lead is lead else self._lead
+            raise
+        self.audience.post_status()
+
+    async def follow(self, upto: int, inputs: Sequence[tuple[PushInput, Push | None]], by: Mailbox) -> None:
+        """Note the frames that the leading tab has computed; the player computes them as well.
+
+        Parameters
+        ----------
+        upto : int
+            Latest frame of the tab.
+        inputs : sequence of pairs
+            Pushes in these frames, each with its force.
+        by : Mailbox
+            Mailbox of the viewer, which gets an answer once nothing of it can be lost.
+
+        Raises
+        ------
+        LeadRefusedError
+            The viewer does not lead, or no longer.
+        FieldError
+            Frames are not in order, or too far ahead.
+        SessionNotFoundError, SessionBusyError
+            As in `advance`.
+        """
+        lead = self._led_by(by)
+        lead.check(upto, [made for made, _ in inputs], self.view.frame)
+        lead.upto, lead.silent = upto, 0
+        if inputs:
+            self.push(inputs[-1][1], by)
+
+        def promise() -> None:
+            self.simulation.promise(upto, inputs)
+
+        await self._worker.run(promise)
+        by.put_text(note("led", upto=upto, frame=self.view.frame))
+
+    async def unlead(self, by: Mailbox, digest: str | None, *, pause: bool = False) -> None:
+        """Let the session go on alone from the latest frame of the leading tab.
+
+        Parameters
+        ----------
+        by : Mailbox
+            Mailbox of the viewer, which gets the session's own digest.
+        digest : str or None
+            Digest of the tab's state in that frame. Where it is another, the session's state counts.
+        pause : bool
+            Whether the player stops at that frame.
+
+        Raises
+        ------
+        LeadRefusedError
+            The viewer does not lead, or no longer.
+        SimulationError, SessionNotFoundError, SessionBusyError
+            As in `advance`.
+        """
+        lead = self._led_by(by)
+        lead.ends = True
+        if pause:
+            self._player.stop()
+        particles = await self.particles()
+        own = particles.digest()
+        if digest not in (None, own):
+            _log.warning(
+                "session %s: a tab computed another state of frame %s, %s instead of %s",
+                self.id,
+                particles.frame,
+                digest,
+                own,
+            )
+        if self._lead is lead:
+            self._end_lead("asked for", frame=particles.frame, digest=own)
+
+    def _led_by(self, by: Mailbox) -> Lead:
+        """Return the lead of a viewer who has got the state to begin with."""
+        lead = self._lead
+        if lead is None or lead.by is not by or lead.upto is None:
+            raise LeadRefusedError("this viewer's tab does not compute the frames: send lead first")
+        return lead
+
+    def end_lead(self, why: str) -> None:
+        """Let the session go on alone from the latest frame that a leading tab has reported, if one leads."""
+        if self._lead is not None:
+            self._end_lead(why)
+
+    def _end_lead(self, why: str, **content: Any) -> None:
+        lead, self._lead = self._lead, None
+        if lead is None:
+            return
+        content.setdefault("frame", lead.upto)
+        lead.by.put_text(note("unlead", reason=why, **content))
+        self.audience.post_status()
+        if not self.simulation.behind:
+            lead.by.put_frame(self.view.message)
+        else:
+            task = self._loop.create_task(self._catch_up())
+            self._tasks.append(task)
+            task.add_done_callback(self._tasks.remove)
+
+    async def _catch_up(self) -> None:
+        """Compute what a tab has computed that leads no longer, where nothing else does so."""
+        with contextlib.suppress(SimulationError, ServiceError):
+            await self._computed(lambda: None)
+
+    def _behind(self) -> int | None:
+        """Return how many frames a tab is ahead; None where the session goes on alone."""
+        behind = self.simulation.behind
+        return behind if behind or self._lead is not None else None
+
+    async def start_file(self) -> tuple[int, str, bytes]:
+        """Return the frame, the digest and the start file of the present state; errors as in `advance`.
+
+        Raises
+        ------
+        LeadRefusedError
+            A network moves the particles, or may.
+        """
+        return await self._call(self.simulation.start_file)
 
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""
@@ -282,6 +457,7 @@ class Session:
 
     async def reset(self) -> None:
         """Return to frame 0; a running player continues from there. Errors as in `advance`."""
+        self.end_lead("the session went back to its start")
         self._planner.drop("the session went back to its start before the sketch began to steer")
         await self._call(self.simulation.reset)
 
@@ -301,6 +477,7 @@ class Session:
         """Stop playing after the current frame."""
         if self.playing:
             self._player.stop()
+            self.end_lead("the session is paused")
             self.audience.post_status()
 
     def set_speed(self, speed: float) -> None:
@@ -325,6 +502,8 @@ class Session:
             yield mailbox
         finally:
             self.audience.leave(mailbox)
+            if self._lead is not None and self._lead.by is mailbox:
+                self.end_lead("its viewer left")
             if self._pusher is mailbox:
                 self.push(None, mailbox)
             if not self.watched:
@@ -373,12 +552,12 @@ class Session:
 
     async def _compute(self, frames: int, go_on: Callable[[], bool]) -> int:
         """Compute frames as long as `go_on()` is true before each; return their number."""
-        return await self._computed(lambda: self.simulation.advance(frames, go_on))
+        return await self._computed(lambda: self.simulation.advance(frames, go_on), catches_up=False)
 
-    async def _computed(self, job: Callable[[], T]) -> T:
+    async def _computed(self, job: Callable[[], T], *, catches_up: bool = True) -> T:
         """Run a job that computes frames; if one fails, the player stops."""
         try:
-            return await self._on_worker(job)
+            return await self._on_worker(job, catches_up=catches_up)
         except SimulationError as err:
             self._stop_with(err)
             raise
@@ -395,6 +574,7 @@ class Session:
     def _stop_with(self, problem: Exception) -> None:
         """Pause the player and send a problem to the viewers."""
         self._player.stop()
+        self.end_lead("a frame failed")
         self.audience.post_problem(problem)
         self.audience.post_status()
 
@@ -403,11 +583,16 @@ class Session:
         with self._in_use():
             return await self._on_worker(job)
 
-    async def _on_worker(self, job: Callable[[], T]) -> T:
-        """Run a job on the session's thread after earlier ones; return its result."""
+    async def _on_worker(self, job: Callable[[], T], *, catches_up: bool = True) -> T:
+        """Run a job on the session's thread after earlier ones; return its result.
+
+        Before, the session computes all frames that a leading tab has computed, unless `catches_up` is unset.
+        """
 
         def run() -> T:
             try:
+                if catches_up:
+                    self.simulation.catch_up()
                 return job()
             finally:
                 # Viewers see the state after a failure, too, and after a cancelled call.
@@ -422,7 +607,7 @@ class Session:
     def _publish(self, view: View) -> None:
         """Take a new view and post it to the viewers."""
         before, self.view = self.view, view
-        self.audience.post_frame(view.message)
+        self.audience.post_frame(view.message, but=None if self._lead is None else self._lead.by)
         other_control = _phase(before) != _phase(view)
         # While the player changes the view all the time, `_report` posts the status.
         if other_control or before.mode != view.mode or not self.playing:
@@ -434,6 +619,11 @@ class Session:
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
             self.audience.post_status()
+            if self._lead is not None and not self._lead.ends:
+                # Counted in turns of this loop: while the loop is late, messages wait unread.
+                self._lead.silent += 1
+                if self._lead.silent * _STATUS_SECONDS > SILENT_SECONDS:
+                    self.end_lead(f"its tab was silent for {SILENT_SECONDS:g} s")
             now = self.simulation.computed_seconds
             rests = now == before and not self._worker.busy
             before = now

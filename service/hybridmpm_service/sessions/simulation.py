@@ -6,20 +6,20 @@ It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Sessi
 import copy
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import Scene
+from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
 from hybridmpm.control import Guidance, Push
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
-from hybridmpm_service.errors import PressureUnknownError
+from hybridmpm_service.errors import LeadRefusedError, PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
     Hand,
     Input,
@@ -175,6 +175,8 @@ class Simulation:
         self.hand: Push | None = None
         """Local force of a hand in the next frame. May be set from any thread."""
         self._noted_hand: Push | None = None
+        self._promised: deque[tuple[int, Push | None]] = deque()
+        self._promised_until = 0
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
         self._forces: deque[npt.NDArray[np.float64]] = deque(maxlen=_FORCES_KEPT)
@@ -184,6 +186,11 @@ class Simulation:
     def scene(self) -> Scene:
         """Scene that is simulated."""
         return self._solver.scene
+
+    @property
+    def kind(self) -> str:
+        """Kind of the simulator: mpm, neural or hybrid."""
+        return self._solver.kind
 
     @property
     def frame(self) -> int:
@@ -219,6 +226,71 @@ class Simulation:
             self._one_frame()
             self.journal.settle(self.computed_seconds, self.checkpoint)
         return frames
+
+    def promise(self, until: int, inputs: Sequence[tuple[PushInput, Push | None]]) -> None:
+        """Note the inputs of a tab that has computed frames, for `catch_up`; none is lost from now on.
+
+        Parameters
+        ----------
+        until : int
+            Frame that the tab has computed.
+        inputs : sequence of pairs
+            Inputs of frames up to that one, in their order, each with its force.
+        """
+        self.journal.promise([made for made, _ in inputs], until)
+        self._promised.extend((made.frame, push) for made, push in inputs)
+        self._promised_until = until
+
+    @property
+    def behind(self) -> int:
+        """Number of frames by which a tab is ahead of this simulation. Safe to read from any thread."""
+        return max(0, self._promised_until - self._solver.frame)
+
+    def catch_up(self) -> None:
+        """Compute all frames that a tab has computed, with its inputs.
+
+        Raises
+        ------
+        SimulationError
+            A frame failed. The state is the one before it, and what the tab did later is forgotten.
+        """
+        try:
+            self.advance(self.behind)
+        finally:
+            self._let_promised_act()
+
+    def _let_promised_act(self) -> None:
+        """Let those inputs of a tab act that are of the present frame."""
+        while self._promised and self._promised[0][0] <= self.frame:
+            self._noted_hand = self._promised.popleft()[1]
+            self.journal.acted()
+
+    def _forget_promised(self) -> None:
+        if self._promised or self.behind:
+            self._promised.clear()
+            self._promised_until = self.frame
+            self.hand = self._noted_hand
+            self.journal.take_back(self.checkpoint())
+
+    def start_file(self) -> tuple[int, str, bytes]:
+        """Return the present frame, the digest of its state, and what a tab needs to go on from it.
+
+        Raises
+        ------
+        LeadRefusedError
+            A network moves the particles, or may.
+        """
+        if not isinstance(self._solver, MpmSolver):
+            raise LeadRefusedError("a tab computes frames of MPM alone: networks run on servers only")
+        return self.frame, self._solver.digest(), self._solver.start_file()
+
+    def note_hand(self) -> Push | None:
+        """Let the hand act from the present frame on, and return its force."""
+        hand = self.hand
+        if hand is not self._noted_hand:
+            self.journal.add(PushInput(frame=self.frame, push=Hand.of(hand)))
+            self._noted_hand = hand
+        return hand
 
     def copy(self) -> Simulator:
         """Return a copy of the simulator in its present state."""
@@ -294,6 +366,8 @@ class Simulation:
         self._forces.clear()
         self._steering = self._control = None
         self.hand = self._noted_hand = None
+        self._promised.clear()
+        self._promised_until = 0
         if self._recorder is not None:
             self._recorder.restore()
         self._steered = False
@@ -427,7 +501,13 @@ class Simulation:
     def _one_frame(self) -> None:
         steering = self._steering
         start = self._clock()
-        self._solver.advance(1, self._force())
+        try:
+            self._solver.advance(1, self._force())
+        except FrameCancelledError:
+            raise  # The session is closed; if it is kept, what the tab did acts when it is revived.
+        except SimulationError:
+            self._forget_promised()
+            raise
         end = self._clock()
         if self._recorder is not None:
             self._recorder.note()
@@ -447,10 +527,9 @@ class Simulation:
 
     def _force(self) -> Any:
         """Return the force of sketch and hand in the next frame; note a change of the hand."""
-        hand = self.hand
-        if hand is not self._noted_hand:
-            self.journal.add(PushInput(frame=self.frame, push=Hand.of(hand)))
-            self._noted_hand = hand
+        self._let_promised_act()
+        # While a tab is ahead, the hand is that of its frames.
+        hand = self._noted_hand if self.behind else self.note_hand()
         acting = self._acting(hand)
         if len(acting) < 2:
             return acting[0] if acting else None

@@ -173,6 +173,11 @@ class View:
     message: FrameMessage
     """Binary frame for viewers, as docs/reference/http-api.md describes it."""
 
+    @property
+    def steers(self) -> bool:
+        """Whether a sketch steers."""
+        return self.control is not None and self.control.phase != "done"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Particles:

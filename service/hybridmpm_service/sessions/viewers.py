@@ -21,8 +21,8 @@ class Signal(Enum):
     STATUS = "status"
 
 
-Message: TypeAlias = FrameMessage | Signal | Exception
-"""A frame, a request for the status, or an error for the client."""
+Message: TypeAlias = FrameMessage | Signal | Exception | str
+"""A frame, a request for the status, an error for the client, or a text for it alone."""
 
 
 class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
@@ -50,6 +50,7 @@ class Mailbox:
 
     def __init__(self) -> None:
         self._problems: deque[Exception] = deque(maxlen=MAX_PROBLEMS)
+        self._texts: deque[str] = deque(maxlen=MAX_PROBLEMS)
         self._status = False
         self._frame: FrameMessage | None = None
         self._end: asyncio.Future[MailboxClosed] = asyncio.get_running_loop().create_future()
@@ -70,6 +71,11 @@ class Mailbox:
         self._problems.append(problem)
         self._changed.set()
 
+    def put_text(self, text: str) -> None:
+        """Put in a text for this client alone."""
+        self._texts.append(text)
+        self._changed.set()
+
     def close(self, code: int, reason: str) -> None:
         """End the stream; a second call changes nothing."""
         if not self._end.done():
@@ -81,7 +87,7 @@ class Mailbox:
         return await asyncio.shield(self._end)
 
     async def take(self) -> Message:
-        """Wait for the next message and take it out: problems first, then the status, then the frame.
+        """Wait for the next message and take it out: problems first, then texts, the status, the frame.
 
         Raises
         ------
@@ -93,6 +99,8 @@ class Mailbox:
                 raise self._end.result()
             if self._problems:
                 return self._problems.popleft()
+            if self._texts:
+                return self._texts.popleft()
             if self._status:
                 self._status = False
                 return Signal.STATUS
@@ -124,10 +132,11 @@ class Audience:
         """Remove the mailbox of a viewer."""
         self._mailboxes.discard(mailbox)
 
-    def post_frame(self, frame: FrameMessage) -> None:
-        """Send a frame to all."""
+    def post_frame(self, frame: FrameMessage, but: Mailbox | None = None) -> None:
+        """Send a frame to all but one."""
         for mailbox in self._mailboxes:
-            mailbox.put_frame(frame)
+            if mailbox is not but:
+                mailbox.put_frame(frame)
 
     def post_problem(self, problem: Exception) -> None:
         """Send a problem to all."""

@@ -28,7 +28,7 @@ from hybridmpm.client import (
     StreamClosedError,
     UnreachableError,
 )
-from hybridmpm.control import Arrow, Stroke
+from hybridmpm.control import Arrow, Stroke, push
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.errors import ConfigError
 
@@ -73,7 +73,14 @@ def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pyt
         *(client.create("NAME"), client.check("NAME"), client.sessions(), client.session("ID")),
         *(client.make_dataset("NAME", 1), client.jobs(), client.job("ID")),
         *(session.refresh(), session.advance(), session.particles(), session.fork(), session.log()),
-        *(session.decisions(), session.steer(ARROW), session.force(), session.pressure(), session.release()),
+        *(
+            session.start_file(),
+            session.decisions(),
+            session.steer(ARROW),
+            session.force(),
+            session.pressure(),
+            session.release(),
+        ),
         *(session.trace(ARROW), session.record(1), session.delete(), job.result(), job.delete()),
     ):
         with pytest.raises(ServiceError):
@@ -227,6 +234,26 @@ def test_a_stream_shows_frames_and_takes_commands(client: Client) -> None:
         assert closed.value.code == 4404
         with pytest.raises(StreamClosedError):
             stream.play()
+
+
+def test_a_client_with_the_solver_computes_the_frames(client: Client) -> None:
+    scene = scenarios.water_2d(3)
+    session, solver = client.create(scene=scene), MpmSolver(scene)
+    with session.stream() as stream:
+
+        def text(kind: str) -> dict[str, Any]:
+            return next(one for one in stream if isinstance(one, dict) and one["type"] == kind)
+
+        stream.lead()
+        assert text("lead")["digest"] == solver.digest()
+        assert session.start_file().startswith(b"HMPMPLAY")
+        hand = {"point": [0.5, 0.3], "velocity": [1.0, 0.0], "radius": 0.2}
+        solver.advance(1)
+        solver.advance(2, push(**hand))
+        stream.led(3, [{"frame": 1, "push": hand}])
+        assert text("led")["upto"] == 3
+        stream.unlead(solver.digest())
+        assert text("unlead")["digest"] == solver.digest()
 
 
 def test_a_stream_of_a_long_world_is_in_metres(client: Client) -> None:
