@@ -49,7 +49,10 @@ const shown = {
   speedTimer: 0,
 };
 
-const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
+const session = new SessionClient(
+  { onState, onHello, onStatus, onProblem, onFrame, onHome: livePanel.showHome, lengthOf },
+  query.get("simulate") !== "server",
+);
 const steering = new Steering({
   plan: async (stroke, settings, signal) => {
     const plan = await session.steer(scaled(stroke, shown.length), settings, signal);

@@ -1,6 +1,7 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
 import { abandon, Problem, request, requestFile } from "./api.js";
+import { Lead } from "./lead.js";
 import { VERSION } from "./protocol.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
@@ -19,11 +20,24 @@ export class SessionClient {
   #owned = false;
   #watches = false; // whether nothing may be sent that changes the session
   #state = "connecting";
+  #lead = null; // computes the frames in this tab; null where the server always does so
   path = null;
 
-  /** @param handlers {onState(state, info), onHello, onStatus, onProblem, onFrame(ArrayBuffer)} */
-  constructor(handlers) {
+  /**
+   * @param handlers {onState(state, info), onHello, onStatus, onProblem, onFrame(ArrayBuffer), onHome(isHere),
+   *   lengthOf(scene)}: isHere says whether this tab computes the frames, the length is that of the world [m]
+   * @param mayLead whether this tab may compute them
+   */
+  constructor(handlers, mayLead) {
     this.#handlers = handlers;
+    if (!mayLead || typeof WebAssembly === "undefined" || typeof Worker === "undefined") return;
+    this.#lead = new Lead({
+      send: (message) => this.#state === "live" && this.#socket.send(JSON.stringify(message)),
+      start: async () => (await requestFile(`${this.path}/start`)).arrayBuffer(),
+      frame: (buffer) => handlers.onFrame(buffer),
+      changed: (isHere) => handlers.onHome(isHere),
+      lengthOf: handlers.lengthOf,
+    });
   }
 
   get state() {
@@ -67,7 +81,7 @@ export class SessionClient {
   /** Send a control message; returns false (and sends nothing) while there is no connection, or where one only watches. */
   send(message) {
     if (this.#state !== "live" || this.#watches) return false;
-    this.#socket.send(JSON.stringify(message));
+    if (!this.#lead?.takes(message)) this.#socket.send(JSON.stringify(message));
     return true;
   }
 
@@ -77,7 +91,8 @@ export class SessionClient {
    * @param settings {strength, frames, hold}, each of which may be absent
    * @param signal an AbortSignal that takes the stroke back as long as there is no answer
    */
-  steer(stroke, settings, signal) {
+  async steer(stroke, settings, signal) {
+    await this.#lead?.end();
     return request("POST", `${this.path}/sketches`, { strokes: [stroke], ...settings }, signal);
   }
 
@@ -92,22 +107,26 @@ export class SessionClient {
   }
 
   /** What the session can be computed again from. */
-  log() {
+  async log() {
+    await this.#lead?.flush();
     return request("GET", `${this.path}/log`);
   }
 
   /** All particles as a file: "npz", "ply" or "vtp". */
-  particles(kind) {
+  async particles(kind) {
+    await this.#lead?.flush();
     return requestFile(`${this.path}/particles`, `application/x-${kind}`);
   }
 
   /** Begin a session that goes on from the present state by itself; answers it. */
-  fork() {
+  async fork() {
+    await this.#lead?.flush();
     return request("POST", `${this.path}/fork`);
   }
 
   /** Begin to film the next frames on a copy; answers the job. */
-  record(settings) {
+  async record(settings) {
+    await this.#lead?.flush();
     return request("POST", `${this.path}/recordings`, settings);
   }
 
@@ -157,6 +176,7 @@ export class SessionClient {
     this.#generation += 1;
     clearTimeout(this.#retryTimer);
     this.#attempt = 0;
+    this.#lead?.leave();
     this.#socket?.close();
     this.#socket = null;
     if (this.#owned && this.path !== null) abandon(this.path);
@@ -199,11 +219,13 @@ export class SessionClient {
     socket.addEventListener("message", ({ data }) => {
       if (generation !== this.#generation) return;
       if (typeof data === "string") this.#receive(JSON.parse(data));
-      else this.#handlers.onFrame(data);
+      else if (this.#lead?.passes(data) ?? true) this.#handlers.onFrame(data);
     });
     socket.addEventListener("close", ({ code }) => {
       if (generation !== this.#generation) return;
       this.#socket = null;
+      this.#state = "connecting"; // nothing can be sent
+      this.#lead?.leave();
       if (code === LOST_CODE) this.#enter("lost");
       else this.#retryLater(generation);
     });
@@ -214,9 +236,14 @@ export class SessionClient {
       this.#attempt = 0;
       this.#enter("live");
       this.#handlers.onHello(message);
+      if (!this.#watches) this.#lead?.show(message);
     } else if (message.type === "status") {
       this.#handlers.onStatus(message);
+      this.#lead?.note(message.session);
+    } else if (this.#lead?.receive(message)) {
+      // It was for the lead alone.
     } else if (message.type === "problem") {
+      if (this.#lead?.refuses(message.problem)) return;
       this.#handlers.onProblem(new Problem(message.title, message.detail, message.status ?? 0, message.problem));
     }
   }

@@ -43,3 +43,11 @@ export function showRenderer(kind) {
   document.body.dataset.renderer = kind;
   setText("renderer", kind === "webgl2" ? "WebGL2" : "Canvas2D");
 }
+
+/** Show where the frames are computed: in this tab, or on the server. */
+export function showHome(isHere) {
+  document.body.dataset.simulated = isHere ? "here" : "server";
+  const where = isHere ? "here" : "on the server";
+  setText("simulated", where);
+  setText("home", `simulated ${where}`);
+}
