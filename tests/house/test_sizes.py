@@ -26,7 +26,8 @@ LIMITS = {
     # 50 lines let transfers lose at a rate per time, and say what that costs and lets through.
     # 195 lines show obstacles to networks of control, lead plans around them, and train exported networks on.
     # 460 lines lead fluids into shapes, letters and pictures.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_590),
+    # 90 lines push with the bits of pages, and let clients compute frames.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_690),
     # 100 lines are for networks of one's own, and for lines of progress.
     "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000.
@@ -43,7 +44,8 @@ LIMITS = {
     # 250 count and log requests, frames and work, 130 are for several nodes.
     # 50 lines keep the bytes of streams in order, and record shapes.
     # 35 lines end sessions some time after their page has left them.
-    "service": (("service/**.py",), 10_530),
+    # 490 lines follow a tab that computes the frames, and go on from the log where it is gone.
+    "service": (("service/**.py",), 11_040),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -62,7 +64,8 @@ LIMITS = {
     # size, and end builds midway; 30 keep bytes in order; 60 draw tanks in their own proportions.
     # 220 lines are for learned plans among obstacles, and for trainings that begin with exported networks.
     # 190 lines try addresses, reloads and layouts of the page; 200 fill shapes.
-    "tests": (("tests/**.py",), 32_860),
+    # 570 lines move sessions to tabs and back, in mid-splash, with crashes and failures between.
+    "tests": (("tests/**.py",), 33_450),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
