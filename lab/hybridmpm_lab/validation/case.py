@@ -70,6 +70,8 @@ class Panel(NamedTuple):
     curves: Sequence[Curve]
     options: Mapping[str, Any] = {}
     """Limits, scales and ticks, as options of matplotlib's `Axes.set`."""
+    legend_columns: int = 0
+    """Columns of a legend below the chart, where curves leave no room for one among them; else 0."""
 
 
 class Result(NamedTuple):

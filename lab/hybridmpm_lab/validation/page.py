@@ -71,7 +71,9 @@ def _draw(result: Result, file: Path) -> None:
         if axes.get_xscale() == "log":
             axes.minorticks_off()
         if any(curve.label for curve in panel.curves):
-            axes.legend(fontsize=8)
+            below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17)}
+            columns = panel.legend_columns
+            axes.legend(fontsize=8, **(below | {"ncols": columns} if columns else {}))
     charts.save(figure, file)
 
 

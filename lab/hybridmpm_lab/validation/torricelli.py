@@ -37,7 +37,7 @@ def run(widths: tuple[int, ...] = WIDTHS, substeps: tuple[int | None, ...] = SUB
             style = "-" if count is None else "--" if count == substeps[1] else ":"
             curves.append(Curve(widths, shares, f"{kind}, {steps} substeps", colour, style))
     limits = {"ylim": (0, 1), "xlim": (0, max(widths) + 1)}
-    return Result(checks, [Panel("Slot", "width [cells]", "discharge coefficient", curves, limits)])
+    return Result(checks, [Panel("Slot", "width [cells]", "discharge coefficient", curves, limits, 2)])
 
 
 def discharge(width: int, loss: float | None, substeps: int | None) -> float:
