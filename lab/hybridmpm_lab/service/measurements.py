@@ -21,13 +21,16 @@ from hybridmpm.stream_frames import Frame
 from hybridmpm_lab.harness.command import setting
 from hybridmpm_lab.harness.rows import Progress, Row, significant
 from hybridmpm_lab.service.attacks import ATTACKS, attacked
+from hybridmpm_lab.service.door import costs
 from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 
 PARTS = ("intervals", "real-time", "sketch", "push", "hostile", "restart")
-"""The measurements, in their order; "attacks" and "kills" have to be chosen: they take long."""
+"""The measurements, in their order; the others have to be chosen: they take long, or need HAProxy."""
+_SIZED = ("water_2d", "water_3d")
+_SIZED_SESSIONS = 4
 _SPEED = 0.25  # Simulated seconds per second at which frames are watched
 _REAL_TIME: Row = {"coarse": "1/16"}
 _REAL_TIME_SESSIONS = 8
@@ -46,7 +49,9 @@ _RESTING: Row = {
 class ServiceSettings:
     """Size and length of the measurements."""
 
-    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", (*PARTS, "attacks", "kills"))
+    part: tuple[str, ...] = setting(
+        PARTS, "Part of the measurement.", (*PARTS, "door", "sizes", "attacks", "kills")
+    )
     sessions: tuple[int, ...] = setting(
         (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
     )
@@ -54,6 +59,7 @@ class ServiceSettings:
     kept: int = setting(8, "Number of sessions that are restored after a restart.", low=1, high=16)
     seconds: float = setting(20.0, "Length of each measurement of frames [s].", click.FloatRange(0.2, 3600))
     repeats: int = setting(20, "Number of sketches and of pushes.", low=1, high=1000)
+    calls: int = setting(2000, "Number of calls and of commands in each way.", low=4, high=10**6)
     kills: int = setting(200, "Number of kills at random moments.", low=1, high=100_000)
     seed: int = setting(0, "Seed of the clients and the moments of kills.", low=0)
 
@@ -92,18 +98,30 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
                 for part in live[name]:
                     yield from asyncio.run(part(server))
                 on_progress(1)
-    if "restart" in settings.part:
-        yield from restart(settings.kept, seconds)
+    rare: dict[str, Callable[[], Iterator[Row]]] = {
+        "restart": lambda: iter(restart(settings.kept, seconds)),
+        "door": lambda: door(settings.calls),
+        "sizes": lambda: sizes(seconds),
+        "attacks": lambda: beside_attacks(seconds),
+        "kills": lambda: iter(killed(settings.kills, settings.seed)),
+    }
+    for name in (name for name in rare if name in settings.part):
+        yield from rare[name]()
         on_progress(1)
-    if "attacks" in settings.part:
-        for name, attack in ATTACKS.items():
-            for measure, value, calm, unit, aim in attacked(attack, seconds):
-                row = _row(f"{measure} beside {name}", value, unit, aim, (1, 1))
-                yield row | {"calm": significant(calm)}
-        on_progress(1)
-    if "kills" in settings.part:
-        yield from killed(settings.kills, settings.seed)
-        on_progress(1)
+
+
+def door(calls: int) -> Iterator[Row]:
+    """Measure what keys and HAProxy add to a call, and to a command of a stream."""
+    for name, value, aim in costs(calls):
+        yield _row(name, value, "ms", aim)
+
+
+def beside_attacks(seconds: float) -> Iterator[Row]:
+    """Measure the waits of a bystander beside each attack."""
+    for name, attack in ATTACKS.items():
+        for measure, value, calm, unit, aim in attacked(attack, seconds):
+            row = _row(f"{measure} beside {name}", value, unit, aim, (1, 1))
+            yield row | {"calm": significant(calm)}
 
 
 async def frame_intervals(server: Server, crowd: tuple[int, int], seconds: float) -> list[Row]:
@@ -217,6 +235,42 @@ def restart(sessions: int, seconds: float) -> list[Row]:
             asyncio.run(all_answer(server.address, ids))
             took = time.perf_counter() - start
     return [_row("restart after kill -9, until all sessions answer", took, "s", 3.0, (sessions, 0))]
+
+
+def sizes(seconds: float) -> Iterator[Row]:
+    """Measure what sessions take: memory while they pause, and cores while they play.
+
+    A session has computed some frames before its memory is counted. Those that play have a viewer each, and
+    play at a quarter of real time for `seconds` [s].
+    """
+
+    async def made(server: Server, bodies: Sequence[Row]) -> tuple[float, float]:
+        async with AsyncClient(server.address, timeout=WAIT) as client:
+            await (await client.create(**bodies[0])).advance(20)
+            before, particles = server.memory() or 0, []
+            for body in bodies:
+                session = await client.create(**body)
+                particles.append((await session.advance(20))["particles"])
+            memory = (server.memory() or 0) - before
+        return memory / len(bodies) / 2**20, float(np.mean(particles))
+
+    async def played(server: Server, bodies: Sequence[Row]) -> float:
+        async with playing(server.address, bodies, speed=_SPEED) as watchers:
+            await _warm_up(watchers, seconds)
+            start, computed = time.perf_counter(), server.computed()
+            await _watch(watchers, seconds)
+            return (server.computed() - computed) / (time.perf_counter() - start) / len(bodies)
+
+    for scenario in _SIZED:
+        bodies = [{"scenario": scenario, "seed": seed} for seed in range(_SIZED_SESSIONS)]
+        crowd = (len(bodies), 1)
+        with running() as server:
+            memory, particles = asyncio.run(made(server, bodies))
+        with running() as server:
+            cores = asyncio.run(played(server, bodies))
+        yield _row(f"particles of a session of {scenario}", particles, "-", None, crowd)
+        yield _row(f"memory of a session of {scenario}", memory, "MiB", None, crowd)
+        yield _row(f"load of a session of {scenario} at a quarter of real time", cores, "cores", None, crowd)
 
 
 def killed(count: int, seed: int) -> list[Row]:

@@ -26,6 +26,12 @@ class Server:
         """Address of the server."""
         return f"http://127.0.0.1:{self.port}"
 
+    def computed(self) -> float:
+        """Return the time that cores have computed for the process [s]; on Linux alone."""
+        text = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii", errors="replace")
+        fields = text.rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def memory(self, kind: str = "VmRSS") -> int | None:
         """Return the memory of the process [bytes], with "VmHWM" the largest so far; None without /proc."""
         try:

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -170,3 +172,22 @@ def test_a_hostile_upload_has_to_be_refused(monkeypatch: pytest.MonkeyPatch, sta
     service: Any = SimpleNamespace(address="http://service")
     with pytest.raises(SimulationError, match=f"answers a hostile upload with {status}"):
         asyncio.run(measurements.hostile_uploads(service))
+
+
+@pytest.mark.long
+def test_the_costs_of_the_door_and_the_sizes_of_sessions(tmp_path: Path) -> None:
+    if shutil.which("haproxy", path=f"{os.environ['PATH']}:/usr/sbin") is None:
+        pytest.skip("needs HAProxy: apt-get install haproxy")
+    figures: Any = run(
+        tmp_path / "door.json", "--part", "door", "--part", "sizes", "--calls", "20", "--seconds", "1"
+    )
+    ways = ("without keys", "with keys", "through HAProxy", "with keys through HAProxy")
+    for what in ("GET of a session", "command of a stream to its status"):
+        times = [figures[f"{what} {way}, lower quartile", 1, 1] for way in ways]
+        assert min(times) > 0
+        added = figures[f"{what}, added by keys", 1, 1]
+        assert added == pytest.approx(times[1] - times[0], abs=2e-3)
+    for scenario in ("water_2d", "water_3d"):
+        assert figures[f"particles of a session of {scenario}", 4, 1] > 500
+        assert figures[f"memory of a session of {scenario}", 4, 1] > 0
+        assert figures[f"load of a session of {scenario} at a quarter of real time", 4, 1] > 0
