@@ -2,6 +2,7 @@
 
 import { goTo, keep, kept, placeOf } from "./address.js";
 import { Problem, request } from "./net/api.js";
+import { onKeyNeeded, useLink } from "./net/key.js";
 import { Polled } from "./net/polled.js";
 import { decodeFrame, decodeTypes, ProtocolError, SAND, WATER } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
@@ -25,6 +26,7 @@ const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const LONGEST_ADDRESS = 60_000; // that browsers and messengers pass on whole
 const VOLUME_EVERY = 10; // shown frames from one measurement of the volume to the next
+const linkIn = (hash) => new URLSearchParams(hash.slice(1)).get("link");
 /** The scenario of a place, with what it leaves open. */
 const choiceOf = ({ scenario = "water_2d", seed = 0, solver = "mpm", coarse = null }) => ({ scenario, seed, solver, coarse });
 /** The session that the page shows. */
@@ -145,7 +147,7 @@ function bannerOf(state, seconds, problem) {
       };
     case "lost":
       return {
-        text: shown.watches ? "This simulation has ended." : "This simulation no longer exists on the server.",
+        text: problem?.status === 401 ? `${capitalised(problem.detail)}.` : shown.watches ? "This simulation has ended." : "This simulation no longer exists on the server.",
         label: shown.watches ? "Start your own" : "Start a new one",
         action: again,
       };
@@ -282,6 +284,7 @@ function measureDrawing() {
  */
 function start(place, body, { itsPreset = null, plays = true, replaces = false } = {}) {
   const arrival = take(place, itsPreset);
+  useLink(null); // it shows the session of another alone
   const isOwn = place.gallery === undefined && body.scenario === undefined;
   goTo(place, isOwn ? { own: body } : {}, { replaces });
   shown.arriving = replaces;
@@ -381,6 +384,7 @@ async function contentOf(place) {
 
 /** Show what the address asks for. Where motion is to be reduced, nothing plays by itself. */
 async function arrive() {
+  useLink(linkIn(window.location.hash));
   const { place, faults } = placeOf(new URL(window.location.href));
   for (const fault of faults) messages.toast({ ...fault, hint: true });
   const { session: running, plays: played, own } = kept();
@@ -527,8 +531,13 @@ for (const kind of ["pointerdown", "keydown", "wheel"]) {
 
 // ---- start ----
 
+onKeyNeeded(async (refused) => {
+  const { askForKey } = await import("./panels/key-panel.js");
+  return askForKey(refused);
+});
 livePanel.showRenderer(stage.rendererKind);
 refreshSteering();
+useLink(linkIn(window.location.hash));
 const modelsKnown = request("GET", "/v1/models").then(
   (answer) => setModels(answer.models),
   () => {

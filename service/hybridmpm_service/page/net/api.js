@@ -1,6 +1,10 @@
 // HTTP calls to the service. Each failure becomes a Problem, with advice for the user.
 
+import { headers, present, renewed } from "./key.js";
+
 const ADVICE = {
+  401: "Ask the operator of the server for a key, or whoever sent the link for a new one.",
+  403: "Ask the operator of the server for a key that may do this.",
   404: "Start a new simulation from the scene panel.",
   413: "Draw a shorter stroke.",
   429: "Wait a moment and try again.",
@@ -48,44 +52,62 @@ async function problemOf(response, path) {
   }
 }
 
+/** The whole address of a path of the service, which need not be at the root of its host. */
+export const at = (path) => new URL(path.replace(/^\//, "./"), document.baseURI);
+
+/** Make a call with the key that there is, or that the user is asked for, and return its answer. */
+async function call(path, options = {}) {
+  for (;;) {
+    const sent = present();
+    let response;
+    try {
+      response = await fetch(at(path), { ...options, headers: { ...options.headers, ...headers() } });
+    } catch {
+      throw new Problem("The server does not answer", "Check that it is still running.", 0);
+    }
+    if (response.ok) return response;
+    if (response.status !== 401 || !(await renewed(sent))) throw await problemOf(response, path);
+  }
+}
+
 /**
  * Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success.
  *
  * @param signal an AbortSignal that cancels the call
  */
 export async function request(method, path, body, signal) {
-  let response;
-  try {
-    response = await fetch(path, {
-      method,
-      headers: body === undefined ? {} : { "Content-Type": "application/json" },
-      body: body === undefined ? undefined : JSON.stringify(body),
-      signal,
-    });
-  } catch {
-    throw new Problem("The server does not answer", "Check that it is still running.", 0);
-  }
-  if (!response.ok) throw await problemOf(response, path);
+  const response = await call(path, {
+    method,
+    headers: body === undefined ? {} : { "Content-Type": "application/json" },
+    body: body === undefined ? undefined : JSON.stringify(body),
+    signal,
+  });
   return response.status === 204 ? null : response.json();
 }
 
 /** Make a GET call and return the body of its answer as it is. Throws as `request`. */
 export async function requestFile(path, accept = "*/*") {
-  let response;
-  try {
-    response = await fetch(path, { headers: { Accept: accept } });
-  } catch {
-    throw new Problem("The server does not answer", "Check that it is still running.", 0);
-  }
-  if (!response.ok) throw await problemOf(response, path);
+  const response = await call(path, { headers: { Accept: accept } });
   return response.blob();
+}
+
+/** Call `take` with each server-sent event of an address, until there are no more. Throws as `request`. */
+export async function requestEvents(path, take) {
+  const response = await call(path, { headers: { Accept: "text/event-stream" } });
+  const parts = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  for (let part = await parts.read(); !part.done; part = await parts.read()) {
+    const lines = (text + part.value).split("\n");
+    text = lines.pop();
+    for (const line of lines) if (line.startsWith("data: ")) take(JSON.parse(line.slice("data: ".length)));
+  }
 }
 
 const LEAVE_SECONDS = 60; // in which a reload, or the browser's Back, finds a session again
 
 /** Leave a session, perhaps while the page closes: it ends soon, unless the page comes back to it. */
 export function abandon(path) {
-  fetch(`${path}?after=${LEAVE_SECONDS}`, { method: "DELETE", keepalive: true }).catch(() => {
+  fetch(at(`${path}?after=${LEAVE_SECONDS}`), { method: "DELETE", keepalive: true, headers: headers() }).catch(() => {
     // The session expires by itself when the server cannot be reached.
   });
 }

@@ -24,7 +24,7 @@ let measure = { since: 0, frame: 0 };
 let reported = 0; // when [ms]
 
 async function exportsOf(name) {
-  const { instance } = await WebAssembly.instantiateStreaming(fetch(`/modules/${name}.wasm`), {});
+  const { instance } = await WebAssembly.instantiateStreaming(fetch(new URL(`../modules/${name}.wasm`, self.location.href)), {});
   return instance.exports.has_native_bits() ? instance.exports : null;
 }
 

@@ -1,6 +1,7 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
-import { abandon, Problem, request, requestFile } from "./api.js";
+import { abandon, at, Problem, request, requestEvents, requestFile } from "./api.js";
+import { protocols } from "./key.js";
 import { Lead } from "./lead.js";
 import { VERSION } from "./protocol.js";
 
@@ -131,23 +132,21 @@ export class SessionClient {
   }
 
   /** Wait until a job has ended, and tell how far it is meanwhile. */
-  jobEnd(job, tell) {
-    return new Promise((resolve, reject) => {
-      const events = new EventSource(job.links.events);
-      for (const phase of ["running", "done", "failed"]) {
-        events.addEventListener(phase, ({ data }) => {
-          const now = JSON.parse(data);
-          tell(now);
-          if (phase === "running") return;
-          events.close();
-          resolve(now);
-        });
-      }
-      events.addEventListener("error", () => {
-        events.close();
-        reject(new Problem("The film was interrupted", "The server does not answer.", 0));
-      });
-    });
+  async jobEnd(job, tell) {
+    let now = job;
+    const interrupted = new Problem("The film was interrupted", "The server does not answer.", 0);
+    try {
+      await requestEvents(job.links.events, (latest) => tell((now = latest)));
+    } catch {
+      throw interrupted;
+    }
+    if (now.phase === "running") throw interrupted;
+    return now;
+  }
+
+  /** A link with which others watch the session: {token, until, page}. Only a service with keys makes one. */
+  link() {
+    return request("POST", `${this.path}/links`, {});
   }
 
   /** A file that a job has made. */
@@ -196,7 +195,7 @@ export class SessionClient {
       await request("GET", this.path);
     } catch (problem) {
       if (generation !== this.#generation) return;
-      if (problem instanceof Problem && problem.status === 404) this.#enter("lost");
+      if (problem instanceof Problem && [401, 403, 404].includes(problem.status)) this.#enter("lost", { problem });
       else this.#retryLater(generation);
       return;
     }
@@ -211,9 +210,9 @@ export class SessionClient {
   }
 
   #connect(generation) {
-    const address = new URL(`${this.path}/stream?version=${VERSION}`, window.location.href);
+    const address = at(`${this.path}/stream?version=${VERSION}`);
     address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(address);
+    const socket = new WebSocket(address, protocols());
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     socket.addEventListener("message", ({ data }) => {

@@ -2,6 +2,8 @@
 
 import { packed } from "./log-link.js";
 import { asCurl, asPython } from "./snippets.js";
+import { at } from "../net/api.js";
+import { present } from "../net/key.js";
 import { byId, setText } from "../panels/dom.js";
 
 /** Longest address that browsers and messengers pass on whole. */
@@ -43,16 +45,17 @@ const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?
 
 const ACTIONS = {
   link: async () => {
-    const link = `${window.location.origin}/#${await packed("replay", await parts.session.log())}`;
+    const link = `${at("/").href}#${await packed("replay", await parts.session.log())}`;
     if (link.length > LONGEST_LINK) report("This run has too many inputs for a link: save it as a file.");
     else await copy(link, "A link that computes this run again");
   },
   watch: async () => {
     const id = parts.session.path.split("/").at(-1);
-    await copy(`${window.location.origin}/?watch=${id}`, "A link to watch this simulation while it is open");
+    const page = present() === null ? `/?watch=${id}` : (await parts.session.link()).page;
+    await copy(at(page).href, "A link to watch this simulation while it is open");
   },
   python: async () => copy(asPython(await parts.session.log()), "Python for this scene"),
-  curl: async () => copy(asCurl(await parts.session.log(), window.location.origin), "A shell command for this scene"),
+  curl: async () => copy(asCurl(await parts.session.log(), at("/").href, present() !== null), "A shell command for this scene"),
   film: async () => {
     report("The next half second is filmed.");
     const job = await parts.session.record(FILM);

@@ -34,8 +34,9 @@ export function bodyOf({ scenario, seed, scene, solver, coarse, model }) {
   return { ...what, ...simulator };
 }
 
-/** A shell command that starts the same session. */
-export function asCurl(log, origin) {
+/** A shell command that starts the same session on the service at an address; `needsKey` leaves a place for a key. */
+export function asCurl(log, address, needsKey) {
   const body = JSON.stringify(bodyOf(log)).replaceAll("'", "'\\''");
-  return `curl -s -X POST ${origin}/v1/sessions -H 'Content-Type: application/json' \\\n  -d '${body}'\n`;
+  const key = needsKey ? ' -H "Authorization: Bearer $KEY"' : "";
+  return `curl -s -X POST ${address}v1/sessions${key} -H 'Content-Type: application/json' \\\n  -d '${body}'\n`;
 }

@@ -1,0 +1,46 @@
+// The key of the service, where it needs one, or a link, which shows one session.
+//
+// A key stays in the session storage of the tab: reloads and tabs that this one opens have it, and nobody who opens the
+// browser later. The password store of the browser may keep it for longer, if its user wants that. A link stays in the
+// address, behind the #, and is kept nowhere else.
+
+const NAME = "hybridmpm-key";
+const PROTOCOL = "hybridmpm";
+
+let link = null; // the token of a link; null without one
+let token = window.sessionStorage.getItem(NAME);
+let asking = null; // promise of an answer of the user, whom several calls may wait for
+let ask = async () => null; // from onKeyNeeded
+
+/** Use a link in place of a key. */
+export function useLink(value) {
+  link = value;
+}
+
+/** Say how the user is asked: `handler(refused)` resolves to a token, or to null where there is none. */
+export function onKeyNeeded(handler) {
+  ask = handler;
+}
+
+/** The token that calls carry at present; null without one. */
+export const present = () => link ?? token;
+
+/** Headers of a call. */
+export const headers = () => (present() === null ? {} : { Authorization: `Bearer ${present()}` });
+
+/** Subprotocols of a stream: browsers send no headers with it. */
+export const protocols = () => (present() === null ? [] : [PROTOCOL, present()]);
+
+/** Whether a call that was refused is worth another try: it had `sent`, and there is another key by now. */
+export async function renewed(sent) {
+  if (link !== null) return false;
+  if (sent !== token) return true;
+  asking ??= ask(sent !== null).finally(() => {
+    asking = null;
+  });
+  const given = await asking;
+  if (given === null) return false;
+  token = given;
+  window.sessionStorage.setItem(NAME, given);
+  return true;
+}
