@@ -6,7 +6,7 @@ import functools
 import hashlib
 import logging
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -21,19 +21,32 @@ from starlette.responses import HTMLResponse, Response
 import hybridmpm
 from hybridmpm.errors import ConfigError
 from hybridmpm.playing import module
+from hybridmpm_service.errors import KeyRefusedError
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.connection import (
     AccessMiddleware,
     AnswerMiddleware,
 )
 from hybridmpm_service.http.door import Door, client_of
+from hybridmpm_service.http.guard import Guard, need_of
 from hybridmpm_service.http.observed import REQUEST_ID, ObservedMiddleware
 from hybridmpm_service.http.peers import Peers
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.jobs import JobTable
+from hybridmpm_service.keys.callers import CALLER, Quotas
+from hybridmpm_service.keys.ring import Ring
 from hybridmpm_service.metrics import MEDIA_TYPE, Metrics
-from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
+from hybridmpm_service.routes import (
+    catalogue,
+    dependencies,
+    estimates,
+    jobs,
+    links,
+    sessions,
+    sketches,
+    stream,
+)
 from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.player import Clock
@@ -47,6 +60,7 @@ _SWEEP_SECONDS = 30.0
 """Longest time between two searches for idle sessions."""
 
 _LOCAL = frozenset({"127.0.0.1", "::1/128", "::1"})
+_FORWARDED = frozenset({"x-forwarded-for", "forwarded"})
 
 _log = logging.getLogger(__name__)
 
@@ -60,6 +74,11 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         Settings of the service; read from the environment if absent.
     clock : Clock
         Clock for idle times and players.
+
+    Raises
+    ------
+    ConfigError
+        The file of keys, the folder of sessions or the folder of models cannot be used.
     """
     settings = settings or Settings.load()
     app = FastAPI(
@@ -74,20 +93,25 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         lifespan=_lifespan,
     )
     app.state.settings = settings
-    app.state.sessions = SessionManager(settings, clock)
+    app.state.ring = ring = Ring(Path(settings.keys)) if settings.keys else None
+    quotas = Quotas()
+    if ring is not None:
+        quotas.of = ring.quota
+    app.state.sessions = SessionManager(settings, clock, quotas)
     app.state.rounds = Rounds()
     app.state.idempotency = Idempotency()
-    app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock, settings.node)
+    app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock, settings.node, quotas)
     app.state.peers = Peers(settings.peers)
     app.state.metrics = Metrics(app.state.sessions, app.state.jobs)
     problems.install(app)
-    modules = (catalogue, estimates, sessions, sketches, jobs, stream)
+    modules = (catalogue, estimates, sessions, links, sketches, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)
-    app.state.operations = [
-        route for router in routers for route in router.routes if isinstance(route, APIRoute)
-    ]
+    routes = [route for router in routers for route in router.routes]
+    app.state.operations = [route for route in routes if isinstance(route, APIRoute)]
+    for route in routes:
+        need_of(route)
     app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
     app.add_route("/modules/{name}.wasm", _module, methods=["GET", "HEAD"], include_in_schema=False)
     if settings.metrics != "off":
@@ -100,13 +124,14 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         operations=app.state.operations,
         draining=app.state.sessions.draining,
         rounds=app.state.rounds,
+        guard=None if ring is None else Guard(ring, routes),
     )
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=settings.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
-            allow_headers=["Content-Type", "Idempotency-Key", "Prefer"],
+            allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Prefer"],
             expose_headers=["Location", "Retry-After", REQUEST_ID],
         )
     app.add_middleware(AccessMiddleware, hosts=settings.hosts, origins=settings.cors_origins)
@@ -166,9 +191,12 @@ def _module(request: Request) -> Response:
 
 def _metrics(request: Request) -> Response:
     """Return the metrics, where the client may read them."""
-    host = client_of(request.scope).address
-    if request.app.state.settings.metrics == "local" and host not in _LOCAL:
+    # Whoever comes by a proxy is elsewhere, whatever address the proxy was told.
+    is_local = client_of(request.scope).address in _LOCAL and not _FORWARDED & set(request.headers)
+    if request.app.state.settings.metrics == "local" and not is_local:
         raise HTTPException(403, "metrics are for programs on this machine; --metrics all shows them to all")
+    if request.app.state.ring is not None and not is_local and not CALLER.get().may("view"):
+        raise KeyRefusedError("metrics need a key, but for programs on this machine")
     return Response(request.app.state.metrics.text(), media_type=MEDIA_TYPE)
 
 
@@ -190,6 +218,7 @@ def _document(app: FastAPI) -> None:
                 schemas.update(schema.pop("$defs", {}))
                 schemas[model.__name__] = schema
             _without_foreign_errors(document)
+            _with_keys(document, app.state.operations)
         return app.openapi_schema or {}
 
     # This is the way that FastAPI documents.
@@ -205,3 +234,22 @@ def _without_foreign_errors(document: dict[str, Any]) -> None:
                 answers.pop("422", None)
     for name in ("HTTPValidationError", "ValidationError"):
         document["components"]["schemas"].pop(name, None)
+
+
+def _with_keys(document: dict[str, Any], operations: Sequence[APIRoute]) -> None:
+    """Add the keys, the scope that each operation needs, and its refusals."""
+    document["components"]["securitySchemes"] = {
+        "key": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "A key, or a link to a session, where the service has keys.",
+        }
+    }
+    refusals = dependencies.problems(401, 403, 429)
+    for route in operations:
+        need = need_of(route)
+        for method in route.methods or ():
+            operation = document["paths"][route.path][method.lower()]
+            operation["security"] = [] if need == "nothing" else [{"key": [need]}]
+            for status in () if need == "nothing" else (401, 403, *((429,) if need == "create" else ())):
+                operation["responses"][str(status)] = refusals[status]

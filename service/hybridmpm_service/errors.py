@@ -83,6 +83,22 @@ class UploadTooLargeError(ServiceError):
     """An uploaded file is larger than the limit."""
 
 
+class KeyRefusedError(ServiceError):
+    """The request needs a key or a link that is valid, and has none."""
+
+
+class KeyInAddressError(ServiceError):
+    """A token stands in the address of a request, where logs and histories keep it."""
+
+
+class ScopeError(ServiceError):
+    """The key of the request does not have the scope that this call needs."""
+
+
+class QuotaError(ServiceError):
+    """The sessions and jobs of a key take as much of the service as they may."""
+
+
 class UnsupportedFormatError(ServiceError):
     """The body has a format that this address does not accept."""
 

@@ -9,6 +9,7 @@ import sqlite3
 import tempfile
 import threading
 import zipfile
+from collections import Counter
 from collections.abc import Awaitable, Callable, Generator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import Literal, TypeAlias
 from hybridmpm.data import Outcome, Recipe, Seeds, generate, plan, produce
 from hybridmpm.errors import SimulationError
 from hybridmpm_service.errors import JobLostError, JobNotFoundError, ServiceError, TooManyJobsError
+from hybridmpm_service.keys.callers import CALLER, Quotas
 from hybridmpm_service.sessions import names
 from hybridmpm_service.sessions.journal import locked
 from hybridmpm_service.sessions.player import Clock
@@ -85,7 +87,7 @@ class Job:
         *,
         run: str,
     ) -> None:
-        self.id = names.new(run)
+        self.id, self.owner = names.new(run), CALLER.get().owner
         self.kind = kind
         self.session = session
         self.progress = Progress()
@@ -138,6 +140,8 @@ class JobTable:
     clock : Clock
     node : str
         Name of this node of several, or nothing.
+    quotas : Quotas, optional
+        Quotas of keys; none if absent.
 
     Attributes
     ----------
@@ -145,9 +149,13 @@ class JobTable:
         Start of the ids of all jobs of this run of the service; those of earlier ones are lost.
     """
 
-    def __init__(self, most: int, keep_seconds: float, clock: Clock, node: str = "") -> None:
+    def __init__(
+        self, most: int, keep_seconds: float, clock: Clock, node: str = "", quotas: Quotas | None = None
+    ) -> None:
         self._node, self.run = node, names.new(node)[:8]
         self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
+        self._quotas = quotas or Quotas()
+        self._quotas.stored.append(self._stored)
         self._jobs: dict[str, Job] = {}
         self._folder: Path | None = None
         self._lock: sqlite3.Connection | None = None
@@ -156,20 +164,33 @@ class JobTable:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
-        """Begin a job; where the table is full, the job that ended first is forgotten.
+        """Begin a job of the caller.
+
+        Where the table or the quota of the caller is full, a job that has ended is forgotten: the first of
+        the caller, else of the key that has most.
 
         Raises
         ------
         TooManyJobsError
             The allowed number of jobs runs already.
+        QuotaError
+            The jobs of the caller take as much as they may.
         """
-        if len(self._jobs) >= self._most:
+        owner = CALLER.get().owner
+        counts = Counter(job.owner for job in self._jobs.values())
+        most = self._quotas.of(owner).jobs
+        own_full = most is not None and counts[owner] >= most
+        if own_full or len(self._jobs) >= self._most:
             ended = [job for job in self._jobs.values() if job.ended_at is not None]
+            own = [job for job in ended if job.owner == owner]
+            if own_full and not own:
+                self._quotas.check_number(owner, counts[owner], "jobs")
             if not ended:
                 raise TooManyJobsError(
                     f"{len(self._jobs)} jobs run, and no more are allowed: wait for one to end, or delete one"
                 )
-            self._forget(min(ended, key=lambda job: job.ended_at or 0.0))
+            self._forget(min(own or ended, key=lambda job: (-counts[job.owner], job.ended_at or 0.0)))
+        self._quotas.check_bytes(owner)
         if self._folder is None:
             new = Path(tempfile.mkdtemp(prefix="hybridmpm-new-"))
             self._lock = locked(new)
@@ -192,6 +213,8 @@ class JobTable:
             There is none of this name.
         """
         job = self._jobs.get(name)
+        if job is not None and not CALLER.get().sees(job):
+            job = None
         if job is None:
             names.check_node(name, self._node)
         if job is None and names.PATTERN.fullmatch(name) and not name.startswith(self.run):
@@ -205,6 +228,16 @@ class JobTable:
                 f"{self._keep_seconds:g} s ago"
             )
         return job
+
+    def visible(self) -> list[Job]:
+        """Return the jobs that the caller sees, the oldest first."""
+        caller = CALLER.get()
+        return [job for job in self.all() if caller.sees(job)]
+
+    def _stored(self, owner: str) -> int:
+        """Return the size of the files of a key's jobs [bytes]."""
+        files = (file for job in self.all() if job.owner == owner for file in job.folder.rglob("*"))
+        return sum(file.stat().st_size for file in files if file.is_file())
 
     def all(self) -> list[Job]:
         """Return all jobs, the oldest first."""

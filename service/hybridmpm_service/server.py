@@ -1,6 +1,5 @@
 """Server of the application: address, command line and orderly stop."""
 
-import argparse
 import asyncio
 import contextlib
 import gc
@@ -9,7 +8,7 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -18,6 +17,8 @@ from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
 from hybridmpm_service.http.connection import SURPLUS, StreamProtocol, request_protocol, stream_protocol
 from hybridmpm_service.http.observed import log_config
+from hybridmpm_service.keys.command import Parser
+from hybridmpm_service.keys.ring import Ring
 from hybridmpm_service.sessions.apart import prepare
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
@@ -81,14 +82,10 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
         The service cannot listen on the address.
     """
     settings = with_files(Settings.load(host=host, port=port, **flags))
+    _check_open(settings)
     listener = listen(settings)
     host_in_url = f"[{settings.host}]" if ":" in settings.host else settings.host
     url = f"http://{host_in_url}:{listener.getsockname()[1]}"
-    if not settings.is_loopback:
-        sys.stderr.write(
-            f"Warning: {settings.host} can be reached from other machines. The service has no users: every "
-            "client can watch, change and delete all sessions. Use 127.0.0.1, or a proxy with a login.\n"
-        )
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
@@ -103,6 +100,30 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
         # What the first check would have to wait for.
         prepare()
         make_server(app).run(sockets=[listener])
+
+
+def _check_open(settings: Settings) -> None:
+    """Check that nobody else is served without keys, unless the settings say so.
+
+    Raises
+    ------
+    ConfigError
+        The service can be reached from other machines and has no keys; or it has keys, and is to be open.
+    """
+    if settings.keys and settings.open:
+        raise ConfigError("--open and --keys exclude each other: leave out --open, so that calls need a key")
+    if settings.is_loopback or settings.keys:
+        return
+    if not settings.open:
+        raise ConfigError(
+            f"{settings.host} can be reached from other machines, and the service has no keys: make one with "
+            "`hybridmpm key NAME --file keys` and add --keys keys; or add --open, if everybody who reaches "
+            "the service may watch, change and delete all sessions"
+        )
+    sys.stderr.write(
+        f"Warning: {settings.host} can be reached from other machines, and no call needs a key: every client "
+        "can watch, change and delete all sessions.\n"
+    )
 
 
 def with_files(settings: Settings) -> Settings:
@@ -183,6 +204,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         log_config=log_config(app.state.settings.log_level, app.state.settings.log_format),
         access_log=False,
         server_header=False,
+        forwarded_allow_ips=list(app.state.settings.proxies),
         # Frames do not compress, and commands are short.
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
@@ -194,23 +216,15 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,
     )
-    return _Server(config, app.state.sessions)
-
-
-class _Parser(argparse.ArgumentParser):
-    """Flags of the command line; a mistake is one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """End the process with the status of a wrong command line."""
-        self.exit(2, f"Error: {message}\n")
+    return _Server(config, app.state.sessions, app.state.ring)
 
 
 class _Server(uvicorn.Server):
     """Server that closes streams with code 1001 (going away), where uvicorn uses 1012."""
 
-    def __init__(self, config: uvicorn.Config, sessions: SessionManager) -> None:
+    def __init__(self, config: uvicorn.Config, sessions: SessionManager, ring: Ring | None) -> None:
         super().__init__(config)
-        self._sessions = sessions
+        self._sessions, self._ring = sessions, ring
         self._silent_until = 0.0
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -219,6 +233,8 @@ class _Server(uvicorn.Server):
         # Signals are of the main thread, and Windows has others.
         with contextlib.suppress(NotImplementedError, RuntimeError, ValueError, AttributeError):
             loop.add_signal_handler(signal.SIGUSR1, self._sessions.retire)
+            if self._ring is not None:
+                loop.add_signal_handler(signal.SIGHUP, self._ring.reload)
         await super().startup(sockets)
         for listener in sockets or ():
             # asyncio has one number for the connections that wait and those that are taken at once.
@@ -247,7 +263,7 @@ class _Server(uvicorn.Server):
 
 def main(arguments: Sequence[str], command: str = "python -m hybridmpm_service") -> int:
     """Run the service from the command line and return the exit status; `command` is its name."""
-    parser = _Parser(
+    parser = Parser(
         prog=command,
         allow_abbrev=False,
         description="Serve hybridmpm over HTTP. An environment variable stands in for each flag, e.g. "
@@ -256,7 +272,9 @@ def main(arguments: Sequence[str], command: str = "python -m hybridmpm_service")
     for name, field in Settings.model_fields.items():
         default = ",".join(field.default) if isinstance(field.default, tuple) else field.default
         text = f"{field.description or ''} Default: {default or 'none'}."
-        parser.add_argument(f"--{name.replace('_', '-')}", help=text.replace("%", "%%"))
+        # --open stands alone; all others have a value.
+        value: dict[str, Any] = {"nargs": "?", "const": "true"} if field.annotation is bool else {}
+        parser.add_argument(f"--{name.replace('_', '-')}", help=text.replace("%", "%%"), **value)
     try:
         serve(**vars(parser.parse_args(arguments)))
     except ConfigError as err:

@@ -71,6 +71,13 @@ class Settings(BaseModel):
     """Largest burst of a client's messages on a stream."""
     threads: int = Field(default=1, ge=1, le=256)
     """Number of threads of each session's simulator; results do not depend on it."""
+    keys: str = ""
+    """File of keys, which `hybridmpm key` makes; every call then needs one. If empty, nobody needs a key, and
+    only programs on this machine may be served."""
+    open: bool = False
+    """Whether others than programs on this machine may be served without keys."""
+    proxies: _Names = ("127.0.0.1", "::1")
+    """Addresses of proxies, separated by commas, whose X-Forwarded-For and X-Forwarded-Proto are believed."""
     state_folder: str = ""
     """Folder in which sessions are kept, so that they survive a stop or a crash of the service. If empty,
     they live in memory alone."""

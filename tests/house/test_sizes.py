@@ -27,9 +27,11 @@ LIMITS = {
     # 195 lines show obstacles to networks of control, lead plans around them, and train exported networks on.
     # 460 lines lead fluids into shapes, letters and pictures.
     # 90 lines push with the bits of pages, and let clients compute frames.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_690),
+    # 45 lines take keys and links to a service.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_750),
     # 100 lines are for networks of one's own, and for lines of progress.
-    "command line": (("python/hybridmpm/cli/**.py",), 2_750),
+    # 12 lines pass the command `key` on to the service.
+    "command line": (("python/hybridmpm/cli/**.py",), 2_765),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
@@ -38,14 +40,16 @@ LIMITS = {
     # 150 let water and sand through slots.
     # 120 lines compare findings about coarse levels with what the levels do.
     # 130 lines time pages that play.
-    "laboratory": (("lab/**.py",), 9_030),
+    # 210 lines time what keys and a proxy add to a call, and measure what sessions take.
+    "laboratory": (("lab/**.py",), 9_250),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
     # 50 lines keep the bytes of streams in order, and record shapes.
     # 35 lines end sessions some time after their page has left them.
     # 490 lines follow a tab that computes the frames, and go on from the log where it is gone.
-    "service": (("service/**.py",), 11_040),
+    # 1 110 lines are for keys: their file and command, scopes, owners, quotas, links; 50 copy state folders.
+    "service": (("service/**.py",), 12_180),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -65,7 +69,8 @@ LIMITS = {
     # 220 lines are for learned plans among obstacles, and for trainings that begin with exported networks.
     # 190 lines try addresses, reloads and layouts of the page; 200 fill shapes.
     # 570 lines move sessions to tabs and back, in mid-splash, with crashes and failures between.
-    "tests": (("tests/**.py",), 33_450),
+    # 1 100 lines try to get past keys, break links, restore a copy, and call by TLS and below a prefix.
+    "tests": (("tests/**.py",), 34_590),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -7,9 +7,12 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from http.client import HTTPConnection
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +22,11 @@ from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, Service, Stream, p
 from websockets.sync.client import connect
 
 from hybridmpm import ConfigError
+from hybridmpm_service.http.answers import SessionBody
 from hybridmpm_service.http.peers import Peers
+from hybridmpm_service.keys.file import add
 
-CONFIGURATION = Path(__file__).parents[2] / "service" / "deploy" / "cluster.cfg"
+DEPLOY = Path(__file__).parents[2] / "service" / "deploy"
 
 
 def free() -> str:
@@ -34,9 +39,9 @@ def free() -> str:
 class Node:
     """A process of the service that may be killed and started again."""
 
-    def __init__(self, name: str, address: str, folder: Path, peer: str) -> None:
+    def __init__(self, name: str, address: str, folder: Path, peer: str, *more: str) -> None:
         flags = ["--port", address.partition(":")[2], "--node", name, "--state-folder", str(folder / name)]
-        flags += ["--peers", peer, "--max-load", "64"]
+        flags += ["--peers", peer, "--max-load", "64", *more]
         self._command = [sys.executable, "-m", "hybridmpm_service", *flags]
         self.url = f"http://{address}"
         self.start()
@@ -71,12 +76,12 @@ def until(happened: Callable[[], object]) -> None:
 class Cluster:
     """Two nodes, and a proxy before them."""
 
-    def __init__(self, stack: ExitStack, folder: Path, haproxy: str) -> None:
+    def __init__(self, stack: ExitStack, folder: Path, haproxy: str, *flags: str) -> None:
         places = {"00": free(), "01": free()}
         peers = {"00": f"01=http://{places['01']}", "01": f"00=http://{places['00']}"}
         self.nodes = {}
         for name, place in places.items():
-            self.nodes[name] = node = Node(name, place, folder, peers[name])
+            self.nodes[name] = node = Node(name, place, folder, peers[name], *flags)
             stack.callback(node.end)
         self.address = free()
         self._environment = os.environ | {f"NODE_{name}": place for name, place in places.items()}
@@ -90,7 +95,8 @@ class Cluster:
     def start_proxy(self) -> "subprocess.Popen[bytes]":
         """Start HAProxy."""
         environment = self._environment | {"LISTEN": self.address}
-        return subprocess.Popen([self._haproxy, "-db", "-f", CONFIGURATION], env=environment)
+        files = (part for name in ("common", "cluster") for part in ("-f", DEPLOY / f"{name}.cfg"))
+        return subprocess.Popen([self._haproxy, "-db", *files], env=environment)
 
     def end_proxy(self) -> None:
         """Kill HAProxy."""
@@ -114,14 +120,20 @@ class Cluster:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """Return two nodes behind HAProxy."""
+def start_cluster(tmp_path: Path) -> Iterator[Callable[..., Cluster]]:
+    """Return a function that starts two nodes, with more flags, behind HAProxy."""
     haproxy = shutil.which("haproxy", path=f"{os.environ['PATH']}:/usr/sbin")
     if haproxy is None:
         assert "CI" not in os.environ, "HAProxy is missing: apt-get install haproxy"
         pytest.skip("needs HAProxy: apt-get install haproxy")
     with ExitStack() as stack:
-        yield Cluster(stack, tmp_path, haproxy)
+        yield lambda *flags: Cluster(stack, tmp_path, haproxy, *flags)
+
+
+@pytest.fixture
+def cluster(start_cluster: Callable[..., Cluster]) -> Cluster:
+    """Return two nodes behind HAProxy."""
+    return start_cluster()
 
 
 def test_a_node_that_is_killed_loses_nothing_and_the_other_goes_on(cluster: Cluster) -> None:
@@ -182,6 +194,56 @@ def test_a_node_is_drained_and_its_sessions_move(cluster: Cluster) -> None:
     assert cluster.digest(moved["id"]) == log["digest"]
 
 
+def test_keys_hold_in_all_nodes_and_after_a_crash(
+    start_cluster: Callable[..., Cluster], tmp_path: Path
+) -> None:
+    tokens = {name: add(tmp_path / "keys", name, "view,steer,create") for name in ("anna", "bob")}
+    cluster = start_cluster("--keys", str(tmp_path / "keys"))
+    anna, bob = ({"Authorization": f"Bearer {tokens[name]}"} for name in ("anna", "bob"))
+    names = [cluster.create(**anna) for _ in range(4)]
+    assert {name[:2] for name in names} == {"00", "01"}
+    other = cluster.create(**bob)
+
+    def listed(headers: dict[str, str]) -> set[str]:
+        answer = cluster.http.get("/v1/sessions", headers=headers).json()
+        assert answer["missing_nodes"] == []
+        return {body["id"] for body in answer["sessions"]}
+
+    assert listed(anna) == set(names)
+    assert listed(bob) == {other}
+    assert cluster.http.get("/v1/sessions").status_code == 401
+    for written in (names[0], names[0].replace("0", "%30"), f"%2e/{names[0]}", f"x/../{names[0]}"):
+        address = f"http://{cluster.address}/v1/sessions/{written}"
+        assert raw(address, bob) in {404, 421}, written
+        assert raw(address, {}) == 401, written
+    assert raw(f"http://{cluster.address}/v1/sessions/{names[0].replace('0', '%30')}", anna) == 200
+    path, node = f"/v1/sessions/{names[0]}", cluster.nodes[names[0][:2]]
+    links = []
+    for _ in range(2):
+        links.append(cluster.http.post(f"{path}/links", json={}, headers=anna).json()["token"])
+        if len(links) == 1:
+            cluster.http.delete(f"{path}/links", headers=anna)
+    node.end()
+    node.start()
+    until(lambda: cluster.http.get(path, headers=anna).is_success)
+    assert cluster.http.get(path, headers=anna).json()["key"] == "anna"
+    assert cluster.http.get(path, headers=bob).status_code == 404
+    taken_back, kept = ({"Authorization": f"Bearer {link}"} for link in links)
+    assert cluster.http.get(path, headers=taken_back).status_code == 401
+    assert cluster.http.get(path, headers=kept).status_code == 200
+    assert cluster.http.get(f"/v1/sessions/{names[1]}", headers=kept).status_code == 404
+
+
+def raw(address: str, headers: dict[str, str]) -> int:
+    """Return the status of a GET whose path is sent as it is written."""
+    host, _, path = address.removeprefix("http://").partition("/")
+    connection = HTTPConnection(host, timeout=WAIT_SECONDS)
+    connection.request("GET", f"/{path}", headers=headers)
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
 def test_a_node_owns_what_begins_with_its_name(start: Callable[..., Service]) -> None:
     service = start(node="0a")
     path = service.create()
@@ -205,6 +267,44 @@ def test_peers_have_names_and_addresses(text: str) -> None:
 def test_a_peer_that_is_no_service_is_missing(service: Service) -> None:
     peers = Peers([f"01=http://{service.address}/v1/scenarios", f"02=http://{service.address}"])
     path = service.create()
-    rows, missing = asyncio.run(peers.rows("sessions"))
+    rows, missing = asyncio.run(peers.rows("sessions", SessionBody))
     assert missing == ["01"]
-    assert path in {row["links"]["self"] for row in rows}
+    assert path in {row.links["self"] for row in rows}
+
+
+FOREIGN = [
+    b"",
+    b"null",
+    b"[]",
+    b"{}",
+    b'{"sessions": 1}',
+    b'{"sessions": [{"id": "a"}]}',
+    b"\xff",
+    b'{"jobs": []}',
+]
+
+
+def test_a_peer_with_a_foreign_answer_is_missing(start: Callable[..., Service]) -> None:
+    bodies = list(FOREIGN)
+
+    class Foreign(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(bodies[0])))
+            self.end_headers()
+            self.wfile.write(bodies[0])
+
+        def log_message(self, *_: object) -> None:
+            """Write nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Foreign) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        service = start(node="00", peers=(f"01=http://127.0.0.1:{server.server_port}",))
+        path = service.create()
+        while bodies:
+            listed = service.http.get("/v1/sessions")
+            assert listed.status_code == 200, bodies[0]
+            assert listed.json()["missing_nodes"] == ["01"]
+            assert path in listed.text
+            del bodies[0]
+        server.shutdown()

@@ -18,6 +18,7 @@ import pytest
 
 from hybridmpm import ConfigError
 from hybridmpm_service import ServeError, Settings, serve, server
+from hybridmpm_service.keys.file import add
 from hybridmpm_service.server import with_files
 
 WAIT_SECONDS = 60
@@ -55,15 +56,52 @@ def test_a_bad_setting_is_one_line_and_status_2() -> None:
     assert "HYBRIDMPM_MAX_SESSIONS" in done.stderr
 
 
-@pytest.mark.parametrize(("host", "warns"), [("127.0.0.1", False), ("0.0.0.0", True)])  # noqa: S104
-def test_an_address_that_others_can_reach_is_warned_of(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, host: str, warns: bool
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])  # noqa: S104
+@pytest.mark.parametrize("way", ["", "open", "keys"])
+def test_others_are_served_with_keys_or_where_a_flag_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, host: str, way: str
 ) -> None:
     monkeypatch.setattr(server, "make_server", lambda _app: SimpleNamespace(run=lambda **_sockets: None))
-    serve(host=host, port=0)
+    add(tmp_path / "keys", "anna", "view")
+    flags: dict[str, Any] = {"": {}, "open": {"open": "true"}, "keys": {"keys": str(tmp_path / "keys")}}[way]
+    if host == "0.0.0.0" and not way:  # noqa: S104
+        with pytest.raises(ConfigError, match=r"no keys: make one with `hybridmpm key NAME .*or add --open"):
+            serve(host=host, port=0)
+        assert capsys.readouterr().out == ""
+        return
+    serve(host=host, port=0, **flags)
     told = capsys.readouterr()
-    assert ("0.0.0.0 can be reached from other machines" in told.err) is warns
+    assert ("no call needs a key" in told.err) is (host == "0.0.0.0" and way == "open")  # noqa: S104
     assert "listens on" in told.out
+
+
+def test_open_stands_alone_on_the_command_line_and_excludes_keys(tmp_path: Path) -> None:
+    done = _run("--open", "--keys", str(tmp_path / "keys"), "--port", "0")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--open and --keys exclude each other" in done.stderr
+    done = _run("--keys", str(tmp_path / "keys"), "--port", "0")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "hybridmpm key NAME --file" in done.stderr
+
+
+def test_a_signal_makes_a_service_with_keys_read_them_again(tmp_path: Path) -> None:
+    file = tmp_path / "keys"
+    add(file, "anna", "view")
+    command = [sys.executable, "-m", "hybridmpm_service", "--port", "0", "--keys", str(file)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            address = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+            with httpx.Client(base_url=address.group(), timeout=WAIT_SECONDS) as client:
+                client.get("/livez")
+                token = add(file, "bob", "view")
+                client.headers["Authorization"] = f"Bearer {token}"
+                assert client.get("/v1/models").status_code == 401
+                process.send_signal(signal.SIGHUP)
+                while "were read again: there are 2" not in process.stderr.readline():
+                    pass
+                assert client.get("/v1/models").status_code == 200
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, 130)])

@@ -25,6 +25,7 @@ _MODULES = {
     "dataset": "dataset",
     "doctor": "report",
     "export": "export",
+    "key": "serve",
     "scenarios": "report",
     "plan": "plan",
     "schema": "report",

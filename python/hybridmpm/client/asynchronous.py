@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from hybridmpm._support.arguments import unmasked
 from hybridmpm.client import messages
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.errors import closed, refusal, unreachable
+from hybridmpm.client.errors import closed, refusal, refused_stream, unreachable
 from hybridmpm.client.settings import (
     DataSetSettings,
     PlanSettings,
@@ -51,14 +51,18 @@ class AsyncClient:
     ----------
     address : str
         Address of the service, e.g. "http://127.0.0.1:8000".
+    key : str, optional
+        Token of a key that `hybridmpm key` made, or of a link, where the service has keys.
     timeout : float
         Longest time to wait for an answer [s]; `advance` of many frames may need more.
     """
 
-    def __init__(self, address: str = ADDRESS, *, timeout: float = TIMEOUT) -> None:
+    def __init__(self, address: str = ADDRESS, *, key: str | None = None, timeout: float = TIMEOUT) -> None:
         self.address = address.rstrip("/")
         self.timeout = timeout
-        self.http = httpx.AsyncClient(base_url=self.address, timeout=timeout)
+        self.headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+        """Headers of each call."""
+        self.http = httpx.AsyncClient(base_url=self.address, timeout=timeout, headers=self.headers)
         """The connections."""
 
     async def __aenter__(self) -> Self:
@@ -331,6 +335,19 @@ class AsyncSession:
         answer = await self._post("recordings", json={"frames": frames, **settings})
         return AsyncJob(self._client, answer.json())
 
+    async def link(self, seconds: int = 86_400) -> Json:
+        """Return a link with which others watch the session, where the service has keys.
+
+        Its `token` is a key that shows this session alone; its `page` is the address of the page that does,
+        below that of the service. It expires after some `seconds` [s], at most 30 days.
+        """
+        answer: Json = (await self._post("links", json={"seconds": seconds})).json()
+        return answer
+
+    async def take_links_back(self) -> None:
+        """Let no link to the session be valid that was made before."""
+        await self._client.request("DELETE", f"{self._path}/links")
+
     async def delete(self) -> None:
         """End the session."""
         await self._client.request("DELETE", self._path)
@@ -343,11 +360,20 @@ class AsyncSession:
         ------
         UnreachableError
             The service cannot be reached.
+        ServiceError
+            The key of the client is not valid, or may not see the session.
         """
         address = messages.socket_address(self._client.address, self.id)
         try:
-            connection = await connect(address, compression=None, open_timeout=self._client.timeout)
-        except (OSError, TimeoutError, InvalidStatus) as error:
+            connection = await connect(
+                address,
+                compression=None,
+                open_timeout=self._client.timeout,
+                additional_headers=self._client.headers,
+            )
+        except InvalidStatus as error:
+            raise refused_stream(self._client.address, error) from error
+        except (OSError, TimeoutError) as error:
             raise unreachable(self._client.address, error) from error
         async with connection:
             stream = AsyncStream(connection, self._client.timeout)

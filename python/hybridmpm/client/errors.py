@@ -1,10 +1,11 @@
 """Errors of calls: the service refuses, does not answer, or has ended a stream."""
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
 import httpx
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hybridmpm.errors import SimulationError
 
@@ -22,8 +23,8 @@ class StreamClosedError(SimulationError):
     ----------
     message : str
     code : int
-        Reason: 4404 the session is gone, 4406 its frames cannot be had, 1001 the service stops, 1008 too many
-        messages, 1009 a message too large, 1006 the connection broke.
+        Reason: 4401 the key is not valid any more, 4404 the session is gone, 4406 its frames cannot be had,
+        1001 the service stops, 1008 too many messages, 1009 a message too large, 1006 the connection broke.
     """
 
     code: int
@@ -75,6 +76,14 @@ def refusal(answer: httpx.Response) -> ServiceError:
             "detail": f"{answer.request.url} answers {answer.status_code}, and is no service of hybridmpm",
         }
         return ServiceError(problem, wait)
+
+
+def refused_stream(address: str, error: InvalidStatus) -> SimulationError:
+    """Return the error of a stream that the service has not opened, with its reason if it gives one."""
+    try:
+        return ServiceError(json.loads(error.response.body or b""))
+    except (ValueError, KeyError, TypeError):
+        return unreachable(address, error)
 
 
 def unreachable(address: str, error: Exception) -> UnreachableError:

@@ -158,6 +158,8 @@ class Session(_Waiting[AsyncSession]):
     release = _waits(AsyncSession.release)
     trace = _waits(AsyncSession.trace)
     record = _makes(AsyncSession.record, Job)
+    link = _waits(AsyncSession.link)
+    take_links_back = _waits(AsyncSession.take_links_back)
     delete = _waits(AsyncSession.delete)
 
     @property
@@ -197,6 +199,8 @@ class Client(_Waiting[AsyncClient]):
     ----------
     address : str
         Address of the service, e.g. "http://127.0.0.1:8000".
+    key : str, optional
+        Token of a key that `hybridmpm key` made, or of a link, where the service has keys.
     timeout : float
         Longest time to wait for an answer [s]; `advance` of many frames may need more.
     """
@@ -215,8 +219,8 @@ class Client(_Waiting[AsyncClient]):
     jobs = _makes(AsyncClient.jobs, lambda found: [Job(one) for one in found])
     job = _makes(AsyncClient.job, Job)
 
-    def __init__(self, address: str = ADDRESS, *, timeout: float = TIMEOUT) -> None:
-        super().__init__(AsyncClient(address, timeout=timeout))
+    def __init__(self, address: str = ADDRESS, *, key: str | None = None, timeout: float = TIMEOUT) -> None:
+        super().__init__(AsyncClient(address, key=key, timeout=timeout))
 
     def __enter__(self) -> Self:
         return self

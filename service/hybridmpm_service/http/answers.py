@@ -119,6 +119,8 @@ class SessionBody(Answer):
 
     id: str
     """Name of the session in its address."""
+    key: str | None = None
+    """Name of the key that the session belongs to; null without keys."""
     scenario: str | None
     """Scenario of the scene; null where a scene was sent."""
     seed: int | None
@@ -184,6 +186,7 @@ class SessionBody(Answer):
             frame=view.frame,
             time=view.time,
             frame_dt=session.scene.frame_dt,
+            key=session.owner or None,
             playing=session.playing,
             led=session.led,
             speed=session.speed,
@@ -326,6 +329,19 @@ class ModelList(Answer):
 
     models: list[ModelBody]
     """Networks; the first that serves a scenario is the scenario's default."""
+
+
+class LinkBody(Answer):
+    """A link to a session."""
+
+    model_config = example(token="hmpl_...", until=1_800_000_000, page=f"/?watch={_ID}#link=hmpl_...")  # noqa: S106
+
+    token: str
+    """Token to send in place of a key; it shows this session alone."""
+    until: int
+    """Time from which it is not valid any more [s since 1970]."""
+    page: str
+    """Address of the page that shows the session; browsers send nothing behind the #."""
 
 
 class ScenarioBody(Answer):

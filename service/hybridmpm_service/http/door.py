@@ -2,7 +2,8 @@
 
 A body is read here: its size, the number of its values while it arrives, and the memory of all bodies are
 bounded. Work ends when its client has gone. Large answers leave in pieces, and their memory is bounded. Each
-request carries its client, for the shares of clients. HEAD works wherever GET does.
+request carries its client, for the shares of clients, and its caller, where there are keys. HEAD works
+wherever GET does.
 """
 
 import asyncio
@@ -18,9 +19,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hybridmpm_service.errors import ServiceError, UnavailableError, UnsupportedFormatError
 from hybridmpm_service.http.connection import FIRST
+from hybridmpm_service.http.guard import Guard
 from hybridmpm_service.http.problems import ended, of_status, response_of
 from hybridmpm_service.http.requests import Values
 from hybridmpm_service.http.rounds import Rounds
+from hybridmpm_service.keys.callers import CALLER
 from hybridmpm_service.sessions.turns import CLIENT, Client
 
 MAX_BODIES_BYTES = 1 << 26
@@ -48,17 +51,21 @@ class Door:
         Set once the server stops: nothing more is received then.
     rounds : Rounds
         Order of the pieces of answers.
+    guard : Guard, optional
+        Keys of the service; all may pass if absent.
     """
 
     def __init__(
         self,
         app: ASGIApp,
+        *,
         max_bytes: int,
         operations: Sequence[APIRoute],
         draining: asyncio.Event,
         rounds: Rounds,
+        guard: Guard | None = None,
     ) -> None:
-        self._app = app
+        self._app, self._guard = app, guard
         self._draining, self._rounds = draining, rounds
         self._max_bytes = max_bytes
         self._operations = operations
@@ -69,6 +76,12 @@ class Door:
             await self._app(scope, receive, send)
             return
         CLIENT.set(client_of(scope))
+        if self._guard is not None:
+            try:
+                _admit(self._guard, scope)
+            except ServiceError as error:
+                await response_of(scope["path"], error)(scope, receive, send)
+                return
         if scope["type"] == "websocket":
             # Its messages are metered where they arrive: see `StreamProtocol`.
             await self._app(scope, receive, send)
@@ -247,6 +260,14 @@ class _Answer:
             piece, rest = body[start : start + _PIECE_BYTES], start + _PIECE_BYTES < len(body)
             await self._send({"type": "http.response.body", "body": piece, "more_body": more or rest})
         self.complete = self.complete or not more
+
+
+def _admit(guard: Guard, scope: Scope) -> None:
+    """Let a request with a valid key pass; all connections of a key have one share of the work."""
+    caller = guard.admit(scope)
+    CALLER.set(caller)
+    if caller.owner and caller.session is None:
+        CLIENT.set(Client(f"key {caller.owner}", CLIENT.get().connection))
 
 
 def client_of(scope: Scope) -> Client:

@@ -16,6 +16,7 @@ from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import Answer
 from hybridmpm_service.http.problems import Problem, problem_of
 from hybridmpm_service.jobs import Job, Kind, Phase
+from hybridmpm_service.keys.callers import CALLER
 from hybridmpm_service.sessions.inputs import FrameCount, Strict
 from hybridmpm_service.settings import Settings
 
@@ -135,6 +136,8 @@ class JobBody(Answer):
     """Name of the job."""
     kind: Kind
     """Kind of its result."""
+    key: str | None = None
+    """Name of the key that the job belongs to; null without keys."""
     session: str | None
     """Session of the job, which ends with it. Null for a data set."""
     phase: Phase
@@ -155,6 +158,7 @@ class JobBody(Answer):
         return cls(
             id=job.id,
             kind=job.kind,
+            key=job.owner or None,
             session=job.session,
             phase=job.phase,
             done=job.progress.done,
@@ -176,9 +180,9 @@ class JobList(Answer):
 async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:
     """Yield a job's body as a server-sent event after each change, the last one at its end.
 
-    A stopping server, for which `draining` is set, ends it as well.
+    A stopping server, for which `draining` is set, ends it as well, as the end of the listener's key does.
     """
-    before, silent = b"", 0.0
+    before, silent, caller = b"", 0.0, CALLER.get()
     _listeners[job] = _listeners.get(job, 0) + 1
     try:
         while True:
@@ -190,7 +194,7 @@ async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:
             elif silent >= _SILENT_SECONDS:
                 silent = 0.0
                 yield b": still there\n\n"
-            if phase != "running" or draining.is_set():
+            if phase != "running" or draining.is_set() or not caller.is_valid():
                 return
             pause = max(_LOOK_SECONDS, _SECONDS_PER_LISTENER * _listeners[job])
             await asyncio.sleep(pause)

@@ -15,11 +15,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.door import client_of
+from hybridmpm_service.http.guard import KEY_NAME
+from hybridmpm_service.keys.file import KEY_START, LINK_START
 from hybridmpm_service.metrics import Metrics
 
 REQUEST_ID = "X-Request-ID"
 _ID = re.compile(r"[\w.-]{1,64}", re.ASCII)
 """Identifiers that are taken over from a client or a proxy."""
+_TOKEN = re.compile(rf"({KEY_START}|{LINK_START})[\w.-]+", re.ASCII)
+"""Tokens of keys and links, which a client may send where none belongs."""
 _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 _request: ContextVar[str] = ContextVar("request", default="-")
 _log = logging.getLogger("hybridmpm_service.access")
@@ -46,7 +50,8 @@ class ObservedMiddleware:
             return
         began = time.monotonic()
         given = Headers(scope=scope).get(REQUEST_ID, "")
-        identifier = given if _ID.fullmatch(given) else uuid.uuid4().hex
+        is_good = _ID.fullmatch(given) and not _TOKEN.search(given)
+        identifier = given if is_good else uuid.uuid4().hex
         token = _request.set(identifier)
         answer = _Answer(send, identifier, lambda: self._note(scope, answer, time.monotonic() - began))
         try:
@@ -70,9 +75,12 @@ class ObservedMiddleware:
         if _log.isEnabledFor(logging.INFO):
             client = client_of(scope).address
             # As it was sent: decoded, a path may contain the end of a line.
-            path = scope.get("raw_path", b"").decode("latin-1")
+            path = _TOKEN.sub(r"\1...", scope.get("raw_path", b"").decode("latin-1"))
             about = {"client": client, "method": method, "path": path, "status": answer.status}
             about |= {"seconds": round(seconds, 4), "bytes": answer.bytes}
+            if KEY_NAME in scope:
+                about["key"] = scope[KEY_NAME]
+                client = f"{client} {scope[KEY_NAME]}"
             _log.info("%s %s %s %d %.4f s", client, method, path, answer.status, seconds, extra=about)
 
 
@@ -93,13 +101,13 @@ class _Answer:
 
     async def send(self, message: Message) -> None:
         """Pass a message on."""
-        if message["type"] == "http.response.start":
+        if message["type"] in {"http.response.start", "websocket.http.response.start"}:
             self.status = message["status"]
             headers = MutableHeaders(raw=message["headers"])
             headers[REQUEST_ID] = self._identifier
             message["headers"] = headers.raw
             self._is_problem = headers.get("content-type", "").startswith(problems.MEDIA_TYPE)
-        elif message["type"] == "http.response.body":
+        elif message["type"] in {"http.response.body", "websocket.http.response.body"}:
             body = message.get("body", b"")
             self.bytes += len(body)
             if self._is_problem and body:
@@ -124,11 +132,15 @@ def _kind(body: bytes) -> str:
 
 
 class WithRequest(logging.Filter):
-    """Gives each line of the log the identifier of the request that it is about."""
+    """Gives each line of the log the identifier of the request that it is about, and takes tokens out."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Add `request`; pass the line on."""
         record.request = _request.get()
+        text = record.getMessage()
+        if _TOKEN.search(text):
+            # At the level debug, websockets logs the headers of streams.
+            record.msg, record.args = _TOKEN.sub(r"\1...", text), ()
         return True
 
 

@@ -2,14 +2,17 @@
 
 import asyncio
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeVar
 
 import httpx
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from starlette.requests import Request
 
 from hybridmpm.errors import ConfigError
 
 _SECONDS = 2.0
 """Longest time that another node may take [s]."""
+T = TypeVar("T", bound=BaseModel)
 
 
 class Peers:
@@ -34,18 +37,31 @@ class Peers:
                 raise ConfigError(f"a peer is written 01=http://host:port, got {one!r}")
             self._addresses[node] = address.rstrip("/")
 
-    async def rows(self, kind: str) -> tuple[list[dict[str, Any]], list[str]]:
-        """Return the "sessions" or "jobs" of the other nodes, and the names of those that did not answer."""
-        found: list[dict[str, Any]] = []
+    async def rows(
+        self, kind: str, row: type[T], request: Request | None = None
+    ) -> tuple[list[T], list[str]]:
+        """Return the "sessions" or "jobs" of the other nodes, and the names of those that did not answer.
+
+        The nodes have the same keys, so each is asked with the key of the request, and shows what that sees.
+        """
+        found: list[T] = []
         missing: list[str] = []
         if not self._addresses:
             return found, missing
-        async with httpx.AsyncClient(timeout=_SECONDS, params={"here": "true"}) as client:
+        key = None if request is None else request.headers.get("authorization")
+        headers = {} if key is None else {"Authorization": key}
+        # What the environment says of proxies and passwords is not meant for calls between nodes.
+        async with httpx.AsyncClient(
+            timeout=_SECONDS, params={"here": "true"}, headers=headers, trust_env=False
+        ) as client:
             calls = (client.get(f"{address}/v1/{kind}") for address in self._addresses.values())
             answers = await asyncio.gather(*calls, return_exceptions=True)
+        rows = TypeAdapter(dict[str, list[row]])  # type: ignore[valid-type]
         for node, answer in zip(self._addresses, answers, strict=True):
-            if isinstance(answer, BaseException) or not answer.is_success:
+            try:
+                if isinstance(answer, BaseException) or not answer.is_success:
+                    raise TypeError  # noqa: TRY301 - as an answer of something else
+                found += rows.validate_json(answer.content)[kind]
+            except (TypeError, KeyError, ValidationError):
                 missing.append(node)
-            else:
-                found += answer.json()[kind]
         return found, missing

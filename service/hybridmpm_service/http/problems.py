@@ -20,12 +20,16 @@ from hybridmpm_service.errors import (
     JobLostError,
     JobNotFoundError,
     JobUnfinishedError,
+    KeyInAddressError,
+    KeyRefusedError,
     LeadRefusedError,
     MachineFullError,
     ModelDamagedError,
     OtherNodeError,
     PressureUnknownError,
+    QuotaError,
     ScenarioNotFoundError,
+    ScopeError,
     ServiceError,
     SessionBusyError,
     SessionNotFoundError,
@@ -42,6 +46,7 @@ from hybridmpm_service.errors import (
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_SECONDS = 10
+_HEADERS = {401: {"WWW-Authenticate": "Bearer"}, 503: {"Retry-After": str(RETRY_AFTER_SECONDS)}}
 MAX_ERRORS = 20
 """Largest number of fields that an answer names."""
 MAX_DETAIL = 1000
@@ -85,6 +90,10 @@ class Row(NamedTuple):
 
 
 TABLE: dict[type[Exception], Row] = {
+    KeyInAddressError: Row(400, "key-in-address", "A key in the address"),
+    KeyRefusedError: Row(401, "key-refused", "A key is needed"),
+    ScopeError: Row(403, "scope-missing", "The key may not do this"),
+    QuotaError: Row(429, "quota-used", "The quota of the key is used up"),
     SessionNotFoundError: Row(404, "session-not-found", "Unknown session"),
     OtherNodeError: Row(421, "other-node", "Of another node"),
     JobLostError: Row(410, "job-lost", "Job of an earlier run of the service"),
@@ -191,7 +200,7 @@ def response_of(instance: str, error: Exception) -> Response:
     """Return the answer of an exception of the service or the library."""
     forget_frames(error)
     row = row_of(error)
-    headers = {"Retry-After": str(RETRY_AFTER_SECONDS)} if row.status == 503 else None
+    headers = _HEADERS.get(row.status)
     return problem_response(instance, row, str(error), fields_of(error), headers)
 
 

@@ -161,6 +161,15 @@ class SketchRequest(SketchSettings):
         return SketchSettings.model_validate(self.model_dump(exclude={"strokes"}))
 
 
+class MakeLink(Strict):
+    """A link to a session."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"seconds": 3600}]})
+
+    seconds: int = Field(default=86_400, ge=1, le=2_592_000)
+    """Time until it expires [s]."""
+
+
 class Play(Strict):
     """Start the player."""
 

@@ -14,6 +14,7 @@ from hybridmpm_service.errors import FieldError, IdempotencyKeyError, Unavailabl
 from hybridmpm_service.http.door import is_json
 from hybridmpm_service.http.problems import ended
 from hybridmpm_service.http.requests import read_body
+from hybridmpm_service.keys.callers import CALLER
 from hybridmpm_service.sessions.turns import CLIENT, Client
 
 HEADER = "Idempotency-Key"
@@ -37,7 +38,7 @@ class Idempotency:
     """The answers of requests that carried a key. Belongs to the event loop."""
 
     def __init__(self) -> None:
-        self._entries: dict[tuple[str, str], _Entry] = {}
+        self._entries: dict[tuple[str, str, str], _Entry] = {}
 
     async def once(self, request: Request, work: Callable[[], Awaitable[Response]]) -> Response:
         """Return the answer of a request with a key; do its work if it has not been done.
@@ -52,7 +53,7 @@ class Idempotency:
         key = request.headers[HEADER].strip()
         if not 0 < len(key) <= _LONGEST_KEY:
             raise FieldError(f"header.{HEADER}", f"must have 1 to {_LONGEST_KEY} characters, got {len(key)}")
-        place = (request.url.path, key)
+        place = (CALLER.get().name, request.url.path, key)
         digest = await _digest(request)
         while (entry := self._entries.get(place)) is not None:
             if entry.digest != digest:

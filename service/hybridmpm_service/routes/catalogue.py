@@ -16,18 +16,21 @@ from hybridmpm_service.http.answers import (
     ScenarioBody,
     ScenarioList,
 )
+from hybridmpm_service.http.guard import needs
 from hybridmpm_service.routes.dependencies import Sessions, problems
 
 router = APIRouter()
 
 
 @router.get("/v1/scenarios", tags=["scenarios"])
+@needs("view")
 async def list_scenarios() -> ScenarioList:
     """List the scenarios."""
     return ScenarioList(scenarios=[ScenarioBody.of(scenarios.describe(name)) for name in scenarios.NAMES])
 
 
 @router.get("/v1/scenarios/{name}", tags=["scenarios"], responses=problems(404, 422))
+@needs("view")
 async def get_scene(
     name: Annotated[str, Path(description="Name of the scenario.")],
     seed: Annotated[int, Query(ge=0, lt=2**53, description="Seed that the scene is drawn with.")] = 0,
@@ -40,6 +43,7 @@ async def get_scene(
 
 
 @router.get("/v1/models", tags=["models"])
+@needs("view")
 async def list_models(sessions: Sessions) -> ModelList:
     """List the networks that may simulate sessions; the first that serves a scenario is its default."""
     return ModelList(models=[ModelBody.of(*item) for item in sessions.solvers.models.items()])
@@ -53,12 +57,14 @@ class Health(BaseModel, use_attribute_docstrings=True):
 
 
 @router.get("/livez", tags=["health"])
+@needs("nothing")
 async def livez() -> Health:
     """Answer that the process is alive."""
     return Health(status="alive")
 
 
 @router.get("/readyz", tags=["health"], responses=problems(503))
+@needs("nothing")
 async def readyz(sessions: Sessions) -> Health:
     """Answer whether a session can be created now, and work goes on."""
     await sessions.expire()

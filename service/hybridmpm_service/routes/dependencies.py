@@ -8,6 +8,7 @@ from starlette.requests import HTTPConnection
 from hybridmpm_service.http.peers import Peers
 from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
 from hybridmpm_service.jobs import JobTable
+from hybridmpm_service.keys.ring import Ring
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
@@ -24,6 +25,7 @@ Sessions = Annotated[SessionManager, _of_application("sessions")]
 Jobs = Annotated[JobTable, _of_application("jobs")]
 Limits = Annotated[Settings, _of_application("settings")]
 OtherNodes = Annotated[Peers, _of_application("peers")]
+RingOfKeys = Annotated[Ring | None, _of_application("ring")]
 Here = Annotated[bool, Query(description="Whether other nodes are left out.")]
 SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 

@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from fastapi import Path as PathParameter
 from starlette.responses import FileResponse, StreamingResponse
 
 from hybridmpm import export
 from hybridmpm.data import h5py
 from hybridmpm_service.errors import FieldError, JobUnfinishedError
+from hybridmpm_service.http.guard import needs
 from hybridmpm_service.http.jobs import JobBody, JobList, MakeDataSet, RecordSession, events
 from hybridmpm_service.jobs import MEDIA_TYPE, Phase, Progress, Result, made
 from hybridmpm_service.routes.calls import SessionRoute
@@ -43,14 +44,16 @@ _FILE = {"schema": {"type": "string", "format": "binary"}}
 
 
 @router.get("/jobs", responses=problems(422))
-async def list_jobs(jobs: Jobs, peers: OtherNodes, *, here: Here = False) -> JobList:
-    """List the jobs, the oldest first; with other nodes, theirs as well."""
-    others, missing = ([], []) if here else await peers.rows("jobs")
-    own = [JobBody.of(job) for job in jobs.all()]
-    return JobList(jobs=own + [JobBody(**one) for one in others], missing_nodes=missing)
+@needs("view")
+async def list_jobs(jobs: Jobs, peers: OtherNodes, request: Request, *, here: Here = False) -> JobList:
+    """List the jobs, the oldest first; with other nodes, theirs as well, and with keys, those of the key."""
+    others, missing = ([], []) if here else await peers.rows("jobs", JobBody, request)
+    own = [JobBody.of(job) for job in jobs.visible()]
+    return JobList(jobs=own + others, missing_nodes=missing)
 
 
 @router.get("/jobs/{job_id}", responses=problems(404, 410))
+@needs("view")
 async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
     """Describe a job."""
     return JobBody.of(jobs.get(job_id))
@@ -61,6 +64,7 @@ async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
     response_class=StreamingResponse,
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404, 410)},
 )
+@needs("view")
 async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> StreamingResponse:
     """Send each change of a job as a server-sent event, until it ends."""
     progress = events(jobs.get(job_id), sessions.draining)
@@ -75,6 +79,7 @@ async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> Streamin
         **problems(404, 409, 410, 422, 503),
     },
 )
+@needs("view")
 async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
     """Return the file of a job, or the problem of a failed one."""
     job = jobs.get(job_id)
@@ -86,6 +91,7 @@ async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
 
 
 @router.delete("/jobs/{job_id}", status_code=204, responses=problems(404, 410))
+@needs("steer")
 async def delete_job(job_id: _JobId, jobs: Jobs) -> None:
     """End a job, and delete its file."""
     await jobs.delete(job_id)
@@ -94,6 +100,7 @@ async def delete_job(job_id: _JobId, jobs: Jobs) -> None:
 @router.post(
     "/sessions/{session_id}/recordings", status_code=202, responses=problems(404, 413, 415, 422, 503)
 )
+@needs("create")
 async def record_session(
     *,
     session_id: SessionId,
@@ -128,6 +135,7 @@ async def record_session(
 
 
 @router.post("/datasets", status_code=202, responses=problems(413, 415, 422, 503))
+@needs("create")
 async def make_dataset(
     *, body: MakeDataSet, sessions: Sessions, jobs: Jobs, limits: Limits, response: Response
 ) -> JobBody:

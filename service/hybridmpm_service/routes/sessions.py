@@ -8,6 +8,7 @@ from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
+from hybridmpm_service.http.guard import needs
 from hybridmpm_service.http.logs import LogBody, text_of
 from hybridmpm_service.http.replies import (
     NPZ,
@@ -43,6 +44,7 @@ _PARTICLES_CONTENT = {NPZ: _BINARY, PLY: _BINARY, VTP: _BINARY}
 
 
 @router.post("", status_code=201, responses=problems(413, 415, 422, 503))
+@needs("create")
 async def create_session(
     body: CreateSession, sessions: Sessions, limits: Limits, response: Response
 ) -> SessionBody:
@@ -62,6 +64,7 @@ async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> S
 
 
 @router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))
+@needs("create")
 async def fork_session(session_id: SessionId, sessions: Sessions, response: Response) -> SessionBody:
     """Start an independent session in the present state of another; it is paused."""
     answer = SessionBody.of(await sessions.fork(session_id))
@@ -70,32 +73,39 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
 
 
 @router.get("/{session_id}/log", response_model=LogBody, responses=problems(400, 404, 503))
+@needs("view")
 async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
     """Return the log of the session: scene, simulator and inputs since frame 0, to compute it again from."""
     return Response(await text_of(sessions.get(session_id), sessions.turns), media_type="application/json")
 
 
 @router.get("", responses=problems(422))
-async def list_sessions(sessions: Sessions, peers: OtherNodes, *, here: Here = False) -> SessionList:
-    """List the sessions, oldest first; with other nodes, theirs as well."""
-    others, missing = ([], []) if here else await peers.rows("sessions")
-    own = [SessionBody.of(session) for session in sessions.all()]
-    return SessionList(sessions=own + [SessionBody(**one) for one in others], missing_nodes=missing)
+@needs("view")
+async def list_sessions(
+    sessions: Sessions, peers: OtherNodes, request: Request, *, here: Here = False
+) -> SessionList:
+    """List the sessions, oldest first; with other nodes, theirs as well, and with keys, those of the key."""
+    others, missing = ([], []) if here else await peers.rows("sessions", SessionBody, request)
+    own = [SessionBody.of(session) for session in sessions.visible()]
+    return SessionList(sessions=own + others, missing_nodes=missing)
 
 
 @router.get("/{session_id}", responses=problems(404, 503))
+@needs("view")
 async def get_session(session_id: SessionId, sessions: Sessions) -> SessionBody:
     """Describe a session."""
     return SessionBody.of(sessions.get(session_id))
 
 
 @router.get("/{session_id}/decisions", responses=problems(404, 503))
+@needs("view")
 async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionList:
     """List all decisions between MPM and the network since frame 0; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
 
 
 @router.get("/{session_id}/pressure", responses=problems(404, 409, 503))
+@needs("view")
 async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBody:
     """Return the pressure in the mean over the cells of a grid; only MPM computes it."""
     return PressureBody.of(await sessions.get(session_id).pressure())
@@ -106,6 +116,7 @@ async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBod
     response_class=Response,
     responses={200: {"content": {START: _BINARY}}, **problems(404, 409, 422, 503)},
 )
+@needs("view")
 async def get_start(session_id: SessionId, sessions: Sessions) -> Response:
     """Return what a compiled solver in a browser needs to go on from the present state; only MPM has it.
 
@@ -116,6 +127,7 @@ async def get_start(session_id: SessionId, sessions: Sessions) -> Response:
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404, 422, 503))
+@needs("create")
 async def delete_session(session_id: SessionId, sessions: Sessions, *, after: After = 0.0) -> None:
     """End a session, at once or after a time; its streams close with code 4404."""
     if after > 0:
@@ -129,6 +141,7 @@ async def delete_session(session_id: SessionId, sessions: Sessions, *, after: Af
     response_model=SessionBody,
     responses={200: {"content": _NPZ_CONTENT}, **problems(404, 413, 415, 422, 503)},
 )
+@needs("steer")
 async def advance_session(
     session_id: SessionId, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
 ) -> SessionBody | Response:
@@ -148,6 +161,7 @@ async def advance_session(
     response_model=ParticlesBody,
     responses={200: {"content": _PARTICLES_CONTENT}, **problems(404, 503)},
 )
+@needs("view")
 async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
     """Return the state of all particles as JSON, npz, or a point cloud (PLY, VTP)."""
     media_type = preferred(request, NPZ, PLY, VTP)

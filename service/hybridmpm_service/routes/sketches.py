@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from hybridmpm.control import ControlledTrajectory, Guidance
 from hybridmpm_service.errors import FieldError
+from hybridmpm_service.http.guard import needs
 from hybridmpm_service.http.jobs import JobBody
 from hybridmpm_service.http.replies import (
     FRAMES,
@@ -71,6 +72,7 @@ _BODY: dict[str, Any] = {
     responses=problems(400, 404, 409, 413, 415, 422, 503),
     openapi_extra=_BODY,
 )
+@needs("steer")
 async def steer_session(
     session_id: SessionId, request: Request, sessions: Sessions, limits: Limits
 ) -> SketchBody:
@@ -89,12 +91,14 @@ async def steer_session(
 
 
 @router.delete("/{session_id}/sketches", status_code=204, responses=problems(404, 503))
+@needs("steer")
 async def release_session(session_id: SessionId, sessions: Sessions) -> None:
     """End the sketch that steers the session, and drop one that is being prepared."""
     await sessions.get(session_id).release()
 
 
 @router.get("/{session_id}/force", responses=problems(404, 503))
+@needs("view")
 async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
     """Return the force of a sketch and a hand in the next frame, in the mean over cells of a grid."""
     return ForceBody.of(await sessions.get(session_id).force())
@@ -115,6 +119,7 @@ async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
     },
     openapi_extra=_BODY,
 )
+@needs("steer")
 async def trace_sketch(
     *,
     session_id: SessionId,

@@ -14,12 +14,14 @@ from hybridmpm.control import Push, push
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import (
     FieldError,
+    KeyRefusedError,
     ServiceError,
     SessionNotFoundError,
     UnavailableError,
     field_path,
 )
 from hybridmpm_service.http.answers import HistoryBody, SessionBody
+from hybridmpm_service.http.guard import PROTOCOL, needs
 from hybridmpm_service.http.problems import MAX_DETAIL, row_of, shortened, urn_of
 from hybridmpm_service.http.requests import (
     COMMAND,
@@ -36,6 +38,7 @@ from hybridmpm_service.http.requests import (
     Step,
     read_json,
 )
+from hybridmpm_service.keys.callers import CALLER, EVERYBODY
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.inputs import Hand, PushInput
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
@@ -49,11 +52,16 @@ _LAST_WORDS_SECONDS = 0.3
 """Longest time for a client to read the last message when its stream ends."""
 _SHOWN = {"name", "dim", "world", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
 """Fields of a scene for viewers."""
+_BAR_SECONDS = 1.0
+"""Time between two looks at the key of a stream [s]."""
+_CLOSE_KEY = 4401
+"""WebSocket close code of a stream whose key or link is not valid any more."""
 _CLOSE_VERSION = 4406
 """WebSocket close code of a stream that is not available in the requested version."""
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
+@needs("view")
 async def stream(
     websocket: WebSocket, session_id: SessionId, sessions: Sessions, limits: Limits, version: str = "1"
 ) -> None:
@@ -62,11 +70,12 @@ async def stream(
     The version of the frames is in the address. A subprotocol would do the same, but a browser drops a
     connection whose subprotocol is refused, without a reason; a close code has one.
     """
-    # Accepted first, because a refused handshake cannot carry a close code.
-    await websocket.accept()
+    # Accepted first, because a refused handshake cannot carry a close code. A token that was offered as a
+    # subprotocol is not repeated.
+    await websocket.accept(PROTOCOL if PROTOCOL in websocket.scope["subprotocols"] else None)
     try:
         session = sessions.get(session_id)
-    except SessionNotFoundError as err:
+    except (SessionNotFoundError, KeyRefusedError) as err:
         await _close(websocket, MailboxClosed(CLOSE_DELETED, str(err)))
         return
     except UnavailableError as err:
@@ -110,9 +119,10 @@ async def _serve(
     sending = asyncio.create_task(_send(websocket, session, mailbox, version, limits.send_seconds))
     receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits))
     ending = asyncio.create_task(mailbox.closed())
-    tasks = (sending, receiving, ending)
+    barring = asyncio.create_task(_bar(session, mailbox))
+    tasks = (sending, receiving, ending, barring)
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait((sending, receiving, ending), return_when=asyncio.FIRST_COMPLETED)
         if receiving.done():
             return receiving.result()
         await asyncio.wait([sending], timeout=_LAST_WORDS_SECONDS)
@@ -123,6 +133,21 @@ async def _serve(
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _bar(session: Session, mailbox: Mailbox) -> None:
+    """Close the mailbox of a viewer whose key or link is not valid any more."""
+    caller = CALLER.get()
+    if caller is EVERYBODY:
+        return
+    while True:
+        await asyncio.sleep(_BAR_SECONDS)
+        try:
+            caller.check_link(session.links)
+        except KeyRefusedError as err:
+            mailbox.close(_CLOSE_KEY, str(err))
+        if not caller.is_valid():
+            mailbox.close(_CLOSE_KEY, "the key or link of this stream is not valid any more")
 
 
 async def _send(
@@ -164,6 +189,7 @@ async def _receive(
             if text is None:
                 raise FieldError("message", "must be text with a JSON command, got binary data")
             command = COMMAND.validate_python(read_json(text, "message"))
+            CALLER.get().require("steer")
             session.ends_at = None
             await _execute(command, session, mailbox, limits)
         except ValidationError as err:

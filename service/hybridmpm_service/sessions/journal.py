@@ -26,7 +26,8 @@ def locked(folder: Path) -> sqlite3.Connection:
     sqlite3.Error
         Another process has it, or the folder cannot be written.
     """
-    lock = sqlite3.connect(folder / "lock", timeout=0, isolation_level=None)
+    # A program may build the application in one thread, and end it in another.
+    lock = sqlite3.connect(folder / "lock", timeout=0, isolation_level=None, check_same_thread=False)
     try:
         lock.execute("BEGIN EXCLUSIVE")
     except BaseException:
@@ -65,11 +66,14 @@ class Folder:
                 with contextlib.suppress(OSError):
                     remove(part)
 
-    def names(self) -> list[str]:
-        """Return the names of the sessions that have a file, in the order in which they began."""
+    def names(self) -> dict[str, str]:
+        """Return the owner of each session that has a file, by its name, in the order in which they began."""
         files = [path for path in self._path.glob(f"*{_SUFFIX}") if names.PATTERN.fullmatch(path.stem)]
         starts = {path: start_of(path) for path in files if path.is_file()}
-        return [path.stem for path in sorted(starts, key=lambda path: (starts[path], path.stem))]
+        return {
+            path.stem: starts[path][1]
+            for path in sorted(starts, key=lambda path: (starts[path][0], path.stem))
+        }
 
     def path(self, name: str) -> Path:
         """Return the path of a session's file."""
@@ -113,16 +117,25 @@ class Journal:
         Number of the last inputs that have not acted yet, since the simulation is being computed again.
     sketches : int
         Largest number of a sketch so far.
+    links : int
+        Number of times that links to the session were taken back.
     """
 
     def __init__(
-        self, inputs: Inputs | None = None, *, complete: bool = True, pending: int = 0, sketches: int = 0
+        self,
+        inputs: Inputs | None = None,
+        *,
+        complete: bool = True,
+        pending: int = 0,
+        sketches: int = 0,
+        links: int = 0,
     ) -> None:
         self._inputs = inputs.copy() if inputs is not None and complete else Inputs()
         self._complete = complete
         self._pending = pending
         self.sketches = sketches
         """Largest number of a sketch so far; a reset does not begin anew."""
+        self._links = links
         self._file: SessionFile | None = None
         self._kept: Kept = "memory"
         self._failed_at = 0.0
@@ -133,6 +146,11 @@ class Journal:
     def kept(self) -> Kept:
         """Storage of the session. Safe to read from any thread."""
         return self._kept
+
+    @property
+    def links(self) -> int:
+        """Number of times that links to the session were taken back. Safe to read from any thread."""
+        return self._links
 
     @property
     def inputs(self) -> Inputs | None:
@@ -154,6 +172,8 @@ class Journal:
         notice: str | None,
         computed_seconds: float,
         checkpoint: Checkpoint | None,
+        *,
+        owner: str = "",
     ) -> None:
         """Write to a new file from now on, with a checkpoint of the present state unless it is the first.
 
@@ -170,6 +190,7 @@ class Journal:
             sketches=self.sketches,
             checkpoint=checkpoint,
             notice=notice,
+            owner=owner,
         )
         self.keep_in(file, computed_seconds)
 
@@ -221,6 +242,11 @@ class Journal:
         self._complete = True
         self._write(lambda file: file.rewrite())
 
+    def take_links_back(self) -> None:
+        """Let no link to the session be valid that was made before."""
+        self._links += 1
+        self._write(lambda file: file.take_links_back(self._links))
+
     def mark(self, frame: int) -> None:
         """Note the frame that an answer reports to a client."""
         self._write(lambda file: file.mark(frame))
@@ -254,7 +280,9 @@ class Journal:
         if self._kept == "failing" and not self._pending:
             self._kept = "disk"
             self._write(
-                lambda file: file.rewrite(self._inputs, state, complete=self._complete, notice=file.notice)
+                lambda file: file.rewrite(
+                    self._inputs, state, complete=self._complete, notice=file.notice, links=self._links
+                )
             )
         else:
             self._write(lambda file: file.check(state, self._pending))

@@ -3,9 +3,11 @@
 import asyncio
 import logging
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from hybridmpm import CancelFlag, Scene, SimulationError, checking, usable_cores
 from hybridmpm.checking import Finding, SceneCheck
@@ -17,6 +19,7 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
+from hybridmpm_service.keys.callers import CALLER, Quotas
 from hybridmpm_service.sessions import names, scene_work
 from hybridmpm_service.sessions.admission import estimated_frame_seconds, without_errors
 from hybridmpm_service.sessions.inputs import Inputs, Origin
@@ -25,7 +28,7 @@ from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
 from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
-from hybridmpm_service.sessions.session_file import SessionFile
+from hybridmpm_service.sessions.session_file import SessionFile, size_of
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
 from hybridmpm_service.sessions.turns import HEAVY, Turn, Turns
@@ -47,6 +50,8 @@ class SessionManager:
     settings : Settings
     clock : Clock
         Clock for idle times, players and rates of messages.
+    quotas : Quotas, optional
+        Quotas of keys; none if absent.
 
     Attributes
     ----------
@@ -68,14 +73,16 @@ class SessionManager:
         The folder of sessions cannot be used.
     """
 
-    def __init__(self, settings: Settings, clock: Clock = time.perf_counter) -> None:
+    def __init__(
+        self, settings: Settings, clock: Clock = time.perf_counter, quotas: Quotas | None = None
+    ) -> None:
         self._settings = settings
         self.clock = clock
         self.draining = asyncio.Event()
         self.retiring = False
         self._solvers = SolverFactory(threads=settings.threads, folder=settings.models)
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
-        self._kept = [] if self._folder is None else self._folder.names()
+        self._kept = {} if self._folder is None else self._folder.names()
         self._reviving = set(self._kept)
         self._refused: dict[str, str] = {}
         self._replaying: set[CancelFlag] = set()
@@ -85,7 +92,10 @@ class SessionManager:
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
         self._sweeps: set[asyncio.Task[None]] = set()
-        self._being_made = 0
+        self._being_made = Counter[str]()
+        self._quotas = quotas or Quotas()
+        self._quotas.stored.append(self._stored)
+        self.machine.most = lambda owner: self._quotas.of(owner).load
 
     @property
     def solvers(self) -> SolverFactory:
@@ -229,27 +239,41 @@ class SessionManager:
         Raises
         ------
         SessionNotFoundError
-            The session does not exist, or no longer.
+            The session does not exist, or no longer; or it is of another key, which makes no difference.
         OtherNodeError
             It is of another node.
+        KeyRefusedError
+            The caller is a link that was taken back.
         UnavailableError
             The server is shutting down.
         """
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
-        if name in self._reviving:
-            raise UnavailableError(f"session {name!r} is being computed again after a restart of the server")
-        if name in self._refused:
-            raise SessionNotFoundError(f"session {name!r} could not be started again: {self._refused[name]}")
+        caller = CALLER.get()
+        if name in self._kept and caller.sees(_Known(name, self._kept[name])):
+            if name in self._reviving:
+                raise UnavailableError(
+                    f"session {name!r} is being computed again after a restart of the server"
+                )
+            if name in self._refused:
+                raise SessionNotFoundError(
+                    f"session {name!r} could not be started again: {self._refused[name]}"
+                )
         session = self._sessions.get(name)
-        if session is None or self._is_idle(session):
+        if session is None or self._is_idle(session) or not caller.sees(session):
             names.check_node(name, self._settings.node)
             raise SessionNotFoundError(
                 f"there is no session {name[:64]!r}; it may have been deleted, or have expired after "
                 f"{self._settings.idle_seconds:g} s without use"
             )
+        caller.check_link(session.links)
         session.touch()
         return session
+
+    def visible(self) -> list[Session]:
+        """Return the sessions that the caller sees, oldest first."""
+        caller = CALLER.get()
+        return [one for one in self.all() if caller.sees(one)]
 
     def all(self) -> list[Session]:
         """Return the sessions, oldest first; a restart keeps the order."""
@@ -318,7 +342,7 @@ class SessionManager:
 
     def _taken(self) -> int:
         # Sessions that end take memory and a core as long as their threads run.
-        return len(self.all()) + len(self._reviving) + self._being_made + len(self._ending)
+        return len(self.all()) + len(self._reviving) + self._being_made.total() + len(self._ending)
 
     def _left(self) -> list[Session]:
         """Return the sessions that their clients have left, the one that ends first at the start."""
@@ -362,9 +386,25 @@ class SessionManager:
         refusal = self.why_full()
         if refusal is not None:
             raise refusal
-        if self._taken() >= self._settings.max_sessions:
-            self._left()[0].ends_at = self.clock()
+        owner = CALLER.get().owner
+        own = sum(one.owner == owner for one in self._sessions.values())
+        own += sum(self._kept[name] == owner for name in self._reviving) + self._being_made[owner]
+        left = [one for one in self._left() if one.owner == owner]
+        self._quotas.check_number(owner, own - len(left), "sessions")
+        self._quotas.check_bytes(owner)
+        most = self._quotas.of(owner).sessions
+        is_over = most is not None and own >= most
+        if is_over or self._taken() >= self._settings.max_sessions:
+            (left if is_over else self._left())[0].ends_at = self.clock()
             await self.expire()
+
+    def _stored(self, owner: str) -> int:
+        """Return the size of the files of a key's sessions [bytes]."""
+        if self._folder is None:
+            return 0
+        return sum(
+            size_of(self._folder.path(one.id)) for one in self._sessions.values() if one.owner == owner
+        )
 
     def _admitted(self, choice: SolverChoice, scene: Scene, scenario: str | None) -> ChosenSolver:
         """Return the simulator of a new session whose estimated load fits."""
@@ -400,22 +440,23 @@ class SessionManager:
         async def kept() -> Revived:
             made = await making
             if self._folder is not None:
-                await asyncio.to_thread(_keep, self._folder.path(name), made)
+                await asyncio.to_thread(_keep, self._folder.path(name), made, owner)
             return made
 
         def end(keeping: asyncio.Task[Revived]) -> None:
-            self._being_made -= 1
+            # Those without any are left out.
+            self._being_made -= Counter([owner])
             # Reading the exception keeps asyncio from logging that of a cancelled call.
             if not keeping.cancelled() and keeping.exception() is None and name not in self._sessions:
                 journal = keeping.result().simulation.journal
                 journal.discard()
                 journal.close()
 
-        name = names.new(self._settings.node)
-        self._being_made += 1
+        name, owner = names.new(self._settings.node), CALLER.get().owner
+        self._being_made[owner] += 1
         keeping = asyncio.get_running_loop().create_task(kept())
         try:
-            return self._begin(name, await asyncio.shield(keeping), frame_seconds)
+            return self._begin(name, await asyncio.shield(keeping), owner, frame_seconds)
         except asyncio.CancelledError:
             making.cancel()
             raise
@@ -425,7 +466,7 @@ class SessionManager:
             else:
                 keeping.add_done_callback(end)
 
-    def _begin(self, name: str, made: Revived, frame_seconds: float | None = None) -> Session:
+    def _begin(self, name: str, made: Revived, owner: str, frame_seconds: float | None = None) -> Session:
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
         session = Session(
@@ -438,6 +479,7 @@ class SessionManager:
             estimate=frame_seconds or _estimate(made.origin, made.simulation.r_p),
             notice=made.notice,
             findings=made.findings,
+            owner=owner,
         )
         self._sessions[session.id] = session
         return session
@@ -456,7 +498,7 @@ class SessionManager:
                     if made is None:
                         return
                     try:
-                        self._begin(name, made)
+                        self._begin(name, made, self._kept[name])
                     except BaseException:
                         made.simulation.journal.close()
                         raise
@@ -502,6 +544,13 @@ class SessionManager:
         return not session.needed and now - session.last_used > self._settings.idle_seconds
 
 
+class _Known(NamedTuple):
+    """A session of which only the name and the owner are known yet."""
+
+    id: str
+    owner: str
+
+
 async def _soon(endings: list[asyncio.Task[None]]) -> None:
     """Wait for sessions that end, but not for long: the others go on, and are counted."""
     if endings:
@@ -513,9 +562,9 @@ def _estimate(origin: Origin, r_p: float) -> float:
     return estimated_frame_seconds(origin.scene) * (r_p if origin.choice.solver == "mpm" else 1.0)
 
 
-def _keep(path: Path, made: Revived) -> None:
+def _keep(path: Path, made: Revived, owner: str) -> None:
     """Write a simulation to a file of its own from now on."""
     simulation, journal = made.simulation, made.simulation.journal
     fresh = simulation.frame == 0 and journal.inputs == Inputs()
     checkpoint = None if fresh else simulation.checkpoint()
-    journal.create(path, made.origin, made.notice, simulation.computed_seconds, checkpoint)
+    journal.create(path, made.origin, made.notice, simulation.computed_seconds, checkpoint, owner=owner)

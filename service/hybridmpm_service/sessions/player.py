@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from hybridmpm import SimulationError
-from hybridmpm_service.errors import MachineFullError, SessionBusyError
+from hybridmpm_service.errors import MachineFullError, QuotaError, SessionBusyError
 
 Clock = Callable[[], float]
 """Returns the seconds since an arbitrary start; they never go back."""
@@ -100,11 +100,14 @@ class Machine:
     on_turn : callable
         Called after each turn of a player with the number of its frames, and with the time by which it began
         too late [s].
+    most : callable
+        Returns the largest load of the sessions of a key [cores]; None without a limit.
     """
 
     def __init__(self, cores: float, threads: int) -> None:
         self.cores, self._threads = cores, threads
         self.on_turn: Callable[[int, float], object] = lambda _frames, _late: None
+        self.most: Callable[[str], float | None] = lambda _owner: None
         self._players: set[Player] = set()
 
     @property
@@ -159,15 +162,29 @@ class Machine:
 
         Raises
         ------
-        MachineFullError
-            The load does not fit; the message has the load, the limit and a remedy.
+        MachineFullError, QuotaError
+            The load does not fit, on the machine or for the key of the player; the message has the load, the
+            limit and a remedy.
         """
+        if player is not None:
+            self._check_quota(more, who, player)
         others = sum(other.load for other in list(self._players) if other is not player)
         if others > 0.0 and others + more > self.cores:
             raise MachineFullError(
                 f"sessions that play take {others:.2f} of {self.cores:g} cores, and {who} would take about "
                 f"{more:.2f}: pause or delete a session, lower a speed, choose a smaller scene, or try again "
                 "later"
+            )
+
+    def _check_quota(self, more: float, who: str, player: "Player") -> None:
+        most = self.most(player.owner)
+        if most is None:
+            return
+        own = sum(one.load for one in list(self._players) if one.owner == player.owner and one is not player)
+        if own + more > most:
+            raise QuotaError(
+                f"the sessions of the key {player.owner!r} that play take {own:.2f} cores, and {who} would "
+                f"take about {more:.2f}, where it may have {most:g}: pause one, or lower a speed"
             )
 
 
@@ -197,6 +214,8 @@ class Player:
     behind : callable
         Returns the number of frames that a tab is ahead, which are due at once; None where none leads. Called
         in the thread that computes, too.
+    owner : str
+        Key that the session belongs to.
     """
 
     def __init__(
@@ -210,7 +229,9 @@ class Player:
         hurried: Callable[[], bool],
         on_fault: Callable[[], None],
         behind: Callable[[], int | None] = lambda: None,
+        owner: str = "",
     ) -> None:
+        self.owner = owner
         self._pace = Pace(frame_dt, DEFAULT_SPEED)
         self._clock = clock
         self._machine = machine

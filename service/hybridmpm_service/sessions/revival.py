@@ -190,7 +190,11 @@ def revived_from_file(
         simulation.reset()
         first = 0
     simulation.journal = Journal(
-        inputs, complete=complete, pending=len(inputs) - first, sketches=stored.sketches
+        inputs,
+        complete=complete,
+        pending=len(inputs) - first,
+        sketches=stored.sketches,
+        links=stored.links,
     )
     simulation.journal.keep_in(file)
     replay(simulation, inputs, until, guidances, first=first)

@@ -60,6 +60,8 @@ class Session:
         Remark on a simulation that was computed again.
     findings : tuple of Finding
         Static findings of the scene.
+    owner : str
+        Key that the session belongs to; empty without keys.
 
     Attributes
     ----------
@@ -89,8 +91,9 @@ class Session:
         estimate: float,
         notice: str | None = None,
         findings: tuple[Finding, ...] = (),
+        owner: str = "",
     ) -> None:
-        self.id = name
+        self.id, self.owner = name, owner
         self.origin = origin
         self.notice = notice
         self.findings = findings
@@ -111,6 +114,7 @@ class Session:
             behind=self._behind,
             hurried=lambda: self._worker.in_demand,
             on_fault=self._on_player_fault,
+            owner=owner,
         )
         self._pusher: Mailbox | None = None
         self._lead: Lead | None = None
@@ -141,6 +145,11 @@ class Session:
     def kept(self) -> Kept:
         """Storage of the session."""
         return self.simulation.journal.kept
+
+    @property
+    def links(self) -> int:
+        """Number of times that links to the session were taken back."""
+        return self.simulation.journal.links
 
     @property
     def control(self) -> Control | None:
@@ -460,6 +469,10 @@ class Session:
         self.end_lead("the session went back to its start")
         self._planner.drop("the session went back to its start before the sketch began to steer")
         await self._call(self.simulation.reset)
+
+    async def take_links_back(self) -> None:
+        """Let no link to the session be valid that was made before. Errors as in `advance`."""
+        await self._call(self.simulation.journal.take_links_back)
 
     def play(self) -> None:
         """Compute frames at the chosen speed until `pause`, or until the last viewer leaves.

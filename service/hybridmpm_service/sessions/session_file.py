@@ -26,11 +26,14 @@ from pydantic import Field, ValidationError
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import INPUT, Frame, Input, Inputs, Origin, SketchInput, Strict
 
+_SUFFIXES = ("", "-wal", "-shm", "-journal")
 PART_SUFFIX = ".new"
 """Suffix of a file that is being created."""
 _FORMAT = 2
 _BEGUN = "begun"
 """Key of the session's start [s since 1970] in the record of the origin."""
+_OWNER = "owner"
+"""Key of the name of the key that the session belongs to, there as well."""
 _TABLES = (
     "CREATE TABLE origin (record TEXT NOT NULL)",
     "CREATE TABLE inputs (number INTEGER PRIMARY KEY, record TEXT NOT NULL)",
@@ -77,6 +80,8 @@ class Stored:
     """Largest number of a sketch so far."""
     notice: str | None
     """Remark on a session that may differ from its former state."""
+    links: int
+    """Number of times that links to the session were taken back."""
 
 
 class _Seal(Strict):
@@ -96,16 +101,30 @@ class _Seal(Strict):
     complete: bool = True
     sketches: int = Field(default=0, ge=0)
     notice: str | None = None
+    links: int = Field(default=0, ge=0)
 
 
-def start_of(path: Path) -> float:
-    """Return the start of a file's session [s since 1970]; an unreadable file counts as the newest."""
+def start_of(path: Path) -> tuple[float, str]:
+    """Return the start of a file's session [s since 1970], and its owner.
+
+    An unreadable file counts as the newest, and is of nobody.
+    """
     try:
         with contextlib.closing(sqlite3.connect(path)) as database:
             (record,) = database.execute("SELECT record FROM origin").fetchone()
-        return float(json.loads(record).get(_BEGUN, 0.0))
+        found = json.loads(record)
+        return float(found.get(_BEGUN, 0.0)), str(found.get(_OWNER, ""))
     except Exception:  # noqa: BLE001 - foreign data, which `read` refuses with its fault
-        return math.inf
+        return math.inf, ""
+
+
+def size_of(path: Path) -> int:
+    """Return the size of a session's file, with what belongs to it [bytes]."""
+    sizes = 0
+    for suffix in _SUFFIXES:
+        with contextlib.suppress(OSError):
+            sizes += path.with_name(path.name + suffix).stat().st_size
+    return sizes
 
 
 class SessionFile:
@@ -139,6 +158,7 @@ class SessionFile:
         sketches: int = 0,
         checkpoint: Checkpoint | None = None,
         notice: str | None = None,
+        owner: str = "",
     ) -> Self:
         """Return the new file of a session, whose checkpoint contains all inputs.
 
@@ -153,7 +173,7 @@ class SessionFile:
                 database.execute("BEGIN IMMEDIATE")
                 for table in _TABLES:
                     database.execute(table)
-                record = json.dumps({_BEGUN: time.time(), **origin.record()})
+                record = json.dumps({_BEGUN: time.time(), _OWNER: owner, **origin.record()})
                 seal = _Seal(origin=_digest(record), complete=complete, sketches=sketches, notice=notice)
                 database.execute("INSERT INTO origin VALUES (?)", (record,))
                 database.execute("INSERT INTO seal VALUES ('', '')")
@@ -226,6 +246,11 @@ class SessionFile:
         with self._transaction() as (database, seal):
             _check(database, seal, checkpoint, pending)
 
+    def take_links_back(self, links: int) -> None:
+        """Note how often the links to the session have been taken back."""
+        with self._transaction() as (_, seal):
+            seal.links = links
+
     def rewrite(
         self,
         inputs: Sequence[Input] = (),
@@ -235,6 +260,7 @@ class SessionFile:
         origin: Origin | None = None,
         reached: int = 0,
         notice: str | None = None,
+        links: int | None = None,
     ) -> None:
         """Replace everything by these inputs, and a checkpoint that contains them, if one is given.
 
@@ -246,6 +272,7 @@ class SessionFile:
                 database.execute(f"DELETE FROM {table}")  # noqa: S608
             seal.inputs, seal.chain, seal.plans, seal.checkpoint = 0, "", {}, ""
             seal.complete, seal.reached, seal.notice = complete, reached, notice
+            seal.links = seal.links if links is None else links
             if origin is not None:
                 (record,) = database.execute("SELECT record FROM origin").fetchone()
                 record = json.dumps(json.loads(record) | origin.record())
@@ -323,6 +350,7 @@ def _read(rows: Mapping[str, list[tuple[Any, ...]]]) -> tuple[Stored, _Seal]:
         complete=seal.complete,
         sketches=seal.sketches,
         notice=seal.notice,
+        links=seal.links,
     )
     return stored, seal
 
@@ -406,7 +434,7 @@ def _check(database: sqlite3.Connection, seal: _Seal, checkpoint: Checkpoint, pe
 
 def remove(path: Path) -> None:
     """Delete a file of SQLite with what belongs to it."""
-    for suffix in ("", "-wal", "-shm", "-journal"):
+    for suffix in _SUFFIXES:
         path.with_name(path.name + suffix).unlink(missing_ok=True)
 
 

@@ -190,7 +190,7 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     names = [
-        "calibrate", "check", "control", "dataset", "doctor", "export", "plan", "scenarios", "schema",
+        "calibrate", "check", "control", "dataset", "doctor", "export", "key", "plan", "scenarios", "schema",
         "serve", "simulate", "train",
     ]  # fmt: skip
     listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()

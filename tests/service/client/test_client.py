@@ -82,6 +82,7 @@ def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pyt
             session.release(),
         ),
         *(session.trace(ARROW), session.record(1), session.delete(), job.result(), job.delete()),
+        *(session.link(), session.take_links_back()),
     ):
         with pytest.raises(ServiceError):
             asyncio.run(call)

@@ -258,7 +258,7 @@ async def test_a_build_ends_with_its_client_and_with_the_server(
     gate.set()
     with pytest.raises(asyncio.CancelledError if stop == "cancel" else UnavailableError):
         await making
-    await until(lambda: manager._being_made == 0)
+    await until(lambda: not manager._being_made)
     assert calls == 500
     assert manager.all() == []
 

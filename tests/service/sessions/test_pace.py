@@ -126,8 +126,8 @@ QUARTER = 0.25 / SCENE.frame_dt
 
 
 class _Load:
-    def __init__(self, load: float) -> None:
-        self.load = load
+    def __init__(self, load: float, owner: str = "") -> None:
+        self.load, self.owner = load, owner
 
 
 def test_a_load_is_the_time_of_the_frames_in_a_second_and_at_most_all_threads() -> None:
