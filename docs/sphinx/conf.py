@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from pydantic import BaseModel
 
 import hybridmpm
+from hybridmpm.scene.fields import Range
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.site import entries, write_site
 
@@ -25,6 +27,10 @@ include_patterns = ["*.md", "docs/**/*.md", "docs/**/*.ipynb", "service/deploy/R
 html_theme = "furo"
 html_title = f"hybridmpm {release}"
 html_extra_path = ["root"]
+html_static_path = ["static"]
+html_css_files = ["play.css"]
+# Two hyphens begin an option.
+smartquotes = False
 html_show_sourcelink = False
 html_copy_source = False
 # Summaries would be fetched, which browsers refuse to pages from a disk.
@@ -38,7 +44,7 @@ nb_execution_mode = "off"
 
 autodoc_member_order = "groupwise"
 autodoc_typehints = "signature"
-autodoc_default_options = {"members": True, "imported-members": True}
+autodoc_default_options = {"members": True, "imported-members": True, "exclude-members": "model_config"}
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
@@ -80,7 +86,7 @@ def _playing(app: Any, document: nodes.document) -> None:
         if found := re.fullmatch(r"<!-- play ([\w-]+) -->", place.astext().strip()):
             frame = (
                 f'<iframe src="{to_root}play/{found[1]}.html" title="{titles[found[1]]}, simulated here"'
-                ' loading="lazy" style="width: 100%; height: 620px; border: 0"></iframe>'
+                ' loading="lazy" class="play"></iframe>'
                 f'<p><a href="{to_root}play/index.html">All scenes that play</a></p>'
             )
             place.replace_self(nodes.raw("", frame, format="html"))
@@ -90,7 +96,7 @@ def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lin
     """Make what docstrings have of Markdown reStructuredText: code, bars of norms, tables."""
     text, in_table = [], False
     for line in lines:
-        is_row = line.lstrip().startswith("| ")
+        is_row = line.lstrip().startswith("|")
         if is_row and not in_table:
             text += ["::", ""]
         elif in_table and not is_row:
@@ -99,6 +105,27 @@ def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lin
         plain = re.sub(r"(?<!`)`([^`]+)`(?![`_])", r"``\1``", line)
         text.append("    " + line.strip() if is_row else re.sub(r"(?<!\\)\|", r"\|", plain))
     lines[:] = text
+
+
+def _fields(_app: Any, kind: str, _name: str, obj: Any, _options: Any, lines: list[str]) -> None:
+    """Add the fields of a record, with their units and ranges, to its docstring."""
+    if kind == "class" and issubclass(obj, BaseModel):
+        for name, field in obj.model_fields.items():
+            if field.description is None:
+                # The kind, which the class gives.
+                continue
+            default = "required" if field.is_required() else f"default ``{field.default!r}``"
+            limits = "; ".join(str(one) for one in field.metadata if isinstance(one, Range))
+            about = f"{field.description} Range {limits}." if limits else field.description
+            lines += ["", f"``{name}``, {default}", f"    {about}"]
+
+
+def _short(_app: Any, kind: str, _name: str, obj: Any, *_rest: Any) -> tuple[str, str] | None:
+    """Return the signature of a record by the names of its fields; their types are validators."""
+    if kind != "class" or not issubclass(obj, BaseModel):
+        return None
+    required = [name for name, field in obj.model_fields.items() if field.is_required()]
+    return f"({', '.join([*required, '**fields'])})", ""
 
 
 def _finish(app: Any, error: Exception | None) -> None:
@@ -112,6 +139,8 @@ def _finish(app: Any, error: Exception | None) -> None:
 def setup(app: Any) -> None:
     """Connect what this file adds to Sphinx."""
     app.connect("autodoc-process-docstring", _as_rest)
+    app.connect("autodoc-process-docstring", _fields)
+    app.connect("autodoc-process-signature", _short)
     app.connect("doctree-read", _operations)
     app.connect("doctree-read", _playing)
     app.connect("build-finished", _finish)
