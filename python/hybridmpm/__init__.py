@@ -32,6 +32,7 @@ from hybridmpm.errors import (
     GraphSizeError,
     InvertedError,
     NonFiniteError,
+    ReplayWarning,
     RoundedWorldWarning,
     SceneError,
     SimulationError,
@@ -79,6 +80,7 @@ if _TYPE_CHECKING:
     from hybridmpm.physics import NeuralPhysics
     from hybridmpm.planner import AutoSolver, CalibrationWarning, Plan, plan
     from hybridmpm.playing import play
+    from hybridmpm.replaying import replay
     from hybridmpm.simulators import load
 
 __all__ = [
@@ -121,6 +123,7 @@ __all__ = [
     "Polygon",
     "RadiusGraph",
     "RectangularEmitter",
+    "ReplayWarning",
     "RoundEmitter",
     "RoundedWorldWarning",
     "Sand",
@@ -158,6 +161,7 @@ __all__ = [
     "probes",
     "radius_graph",
     "recording",
+    "replay",
     "scenarios",
     "simulators",
     "usable_cores",
@@ -175,6 +179,7 @@ _NAMES_ON_DEMAND = {
     "load": "simulators",
     "plan": "planner",
     "play": "playing",
+    "replay": "replaying",
 }
 """Room that has each name."""
 

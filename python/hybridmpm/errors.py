@@ -119,6 +119,13 @@ class CoarseWarning(UserWarning):
     """
 
 
+class ReplayWarning(UserWarning):
+    """A run that was computed again from its log ends in another state than before.
+
+    The message says why: another version of the solver made the log, or the log was changed.
+    """
+
+
 class TornBodyWarning(UserWarning):
     """An elastic body has come apart: pieces of it are so far from each other that nothing joins them.
 

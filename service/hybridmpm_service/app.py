@@ -6,7 +6,7 @@ import functools
 import hashlib
 import logging
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from hybridmpm.playing import module
 from hybridmpm_service.errors import KeyRefusedError
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.connection import (
+    SECURITY_HEADERS,
     AccessMiddleware,
     AnswerMiddleware,
 )
@@ -113,6 +114,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     for route in routes:
         need_of(route)
     app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
+    app.add_route("/embed", _embed, methods=["GET", "HEAD"], include_in_schema=False)
     app.add_route("/modules/{name}.wasm", _module, methods=["GET", "HEAD"], include_in_schema=False)
     if settings.metrics != "off":
         app.add_route("/metrics", _metrics, methods=["GET", "HEAD"], include_in_schema=False)
@@ -169,11 +171,24 @@ async def _sweep(manager: SessionManager, jobs: JobTable, seconds: float) -> Non
 
 def _front(request: Request) -> Response:
     """Return the page; previews of links need the whole address of the picture in it."""
-    text = _index().replace("{{address}}", escape(str(request.base_url).rstrip("/")))
+    return _page(request, _index())
+
+
+def _embed(request: Request) -> Response:
+    """Return the page without its cards, for frames of this site and of the other front ends."""
+    origins = [one for one in request.app.state.settings.cors_origins if one != "null"]
+    ancestors = " ".join(("frame-ancestors 'self'", *origins))
+    policy = SECURITY_HEADERS["Content-Security-Policy"].replace("frame-ancestors 'none'", ancestors)
+    text = _index().replace("<body ", '<body data-embed="true" ', 1)
+    return _page(request, text, {"Content-Security-Policy": policy})
+
+
+def _page(request: Request, text: str, headers: Mapping[str, str] | None = None) -> Response:
+    text = text.replace("{{address}}", escape(str(request.base_url).rstrip("/")))
     tag = f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
     if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"ETag": tag})
-    return HTMLResponse(text, headers={"ETag": tag})
+        return Response(status_code=304, headers={"ETag": tag, **(headers or {})})
+    return HTMLResponse(text, headers={"ETag": tag, **(headers or {})})
 
 
 def _module(request: Request) -> Response:

@@ -1,8 +1,10 @@
 """The real service in a process of its own, and a real Chromium to look at its page."""
 
+import contextlib
 import json
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -95,6 +97,16 @@ class LiveService:
             self._process.wait()
         self._process = None
 
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Let the process stand still, as one that hangs."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
     def get(self, path: str) -> Any:
         """Return the JSON of a path."""
         return httpx.get(self.url + path, timeout=60).raise_for_status().json()
@@ -142,7 +154,7 @@ class Visit:
         self.page.mouse.up()
         self.page.unroute_all()
         if self.page.url.startswith("http"):
-            self.page.evaluate("localStorage.clear()")
+            self.page.evaluate("localStorage.clear(); sessionStorage.clear()")
         self.page.goto("about:blank")
         self.page.remove_listener("pageerror", self.note_error)
         self.page.remove_listener("console", self.note_line)

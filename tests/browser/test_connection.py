@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from playwright.sync_api import WebSocketRoute
+from playwright.sync_api import WebSocketRoute, expect
 
 from .conftest import LIVE, LiveService, Open
 
@@ -18,20 +18,44 @@ def service() -> Iterator[LiveService]:
         yield live
 
 
-def test_restarted_server_is_announced(open_page: Open, service: LiveService) -> None:
-    visit = open_page(until=LIVE)
-    first = visit.session
+def test_a_restarted_server_computes_the_session_again(open_page: Open, service: LiveService) -> None:
+    visit = open_page(until="body.state === 'live' && Number(body.frame) > 5")
+    visit.drag([(0.4, 0.3), (0.6, 0.35)])
+    visit.pause_at(20)
+    first, before = visit.session, service.get(f"/v1/sessions/{visit.session}/log")
+    assert before["inputs"]
+    visit.page.wait_for_function(
+        "(digest) => JSON.parse(sessionStorage.getItem('hybridmpm.log'))?.log.digest === digest",
+        arg=before["digest"],
+    )
     service.stop()
     visit.wait_for("body.state === 'reconnecting'")
-    banner = visit.page.get_by_role("alert")
-    assert "does not answer" in (banner.text_content() or "")
+    expect(visit.page.locator("#banner")).to_contain_text("does not answer")
     service.start()
-    visit.wait_for("body.state === 'lost'")
-    assert "no longer exists" in (banner.text_content() or "")
-    visit.page.get_by_role("button", name="Start a new one").click()
-    visit.wait_for(f"body.session !== '{first}' && {LIVE}")
-    assert banner.is_hidden()
+    expect(visit.page.locator("#toasts")).to_contain_text("computed again to frame")
+    visit.wait_for(f"body.session !== '{first}' && body.state === 'live'")
+    expect(visit.page.locator("#banner")).to_be_hidden()
+    after = service.get(f"/v1/sessions/{visit.session}/log")
+    assert (after["frame"], after["digest"]) == (before["frame"], before["digest"])
+    assert visit.value("playing") == "false"
+    # A log outlives a reload; where there is none, the address begins anew.
+    second = visit.session
+    service.stop()
+    service.start()
+    visit.page.reload()
+    visit.wait_for(f"body.session !== '{second}' && body.frame === '{before['frame']}'")
     visit.errors.clear()  # the browser itself reports the connections that failed
+
+
+def test_a_server_that_hangs_is_not_live(open_page: Open, service: LiveService) -> None:
+    visit = open_page(until=LIVE)
+    with service.held():
+        expect(visit.page.locator("#connection")).to_have_text("No answer")
+        expect(visit.page.locator("#banner")).to_contain_text("No answer for more than 2 s")
+    expect(visit.page.locator("#connection")).to_have_text("Live")
+    expect(visit.page.locator("#banner")).to_be_hidden()
+    frame = visit.frame
+    visit.wait_for(f"Number(body.frame) > {frame + 2}")
 
 
 def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:

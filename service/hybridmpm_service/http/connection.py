@@ -152,7 +152,10 @@ class AccessMiddleware:
         site = headers.get("sec-fetch-site", "none")
         is_link = is_safe and headers.get("sec-fetch-mode") == "navigate"
         if site in {"cross-site", "same-site"} and not is_link:
-            return 403, f"a page of another site may not use this service (Sec-Fetch-Site {site})"
+            return 403, (
+                f"a page of another site may not use this service (Sec-Fetch-Site {site}): its "
+                "origin belongs into the setting cors_origins"
+            )
         return None
 
 

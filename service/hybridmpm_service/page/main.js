@@ -2,10 +2,12 @@
 
 import { goTo, keep, kept, placeOf } from "./address.js";
 import { Problem, request } from "./net/api.js";
+import { Keeper } from "./net/keeper.js";
 import { onKeyNeeded, useLink } from "./net/key.js";
 import { Polled } from "./net/polled.js";
 import { decodeFrame, decodeTypes, ProtocolError, SAND, WATER } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
+import { Silence } from "./net/silence.js";
 import { bindAppearance, bindColours, offerPressure, showHighest } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
@@ -121,8 +123,19 @@ function refreshSteering() {
 
 // ---- from the server ----
 
-function onState(state, { seconds, problem }) {
-  messages.showState(state);
+const keeper = new Keeper(() => session.log());
+const silence = new Silence(() => {
+  if (session.state === "live") onState("live", {});
+});
+
+function onState(state, { seconds, problem, deleted }) {
+  if (state !== "live") silence.hear();
+  const log = state === "lost" && !deleted && ![401, 403].includes(problem?.status) && ownsSession() ? keeper.logOf(shown.id) : null;
+  if (log !== null) {
+    computeAgain(log);
+    return;
+  }
+  messages.showState(state, silence.is);
   messages.showBanner(bannerOf(state, seconds, problem));
   refreshSteering();
   if (state === "connecting") messages.showSkeleton("Connecting to the simulation");
@@ -141,9 +154,16 @@ function bannerOf(state, seconds, problem) {
   switch (state) {
     case "reconnecting":
       return {
-        text: `The server does not answer. The next attempt is in ${seconds} s; the simulation then resumes.`,
+        text: `The server does not answer. The page tries again every ${seconds} s, and goes on where it was.`,
         label: "Try now",
         action: () => session.retry(),
+      };
+    case "live":
+      if (!silence.is) return null;
+      return {
+        text: "No answer for more than 2 s. The picture stands still, and goes on with the next answer.",
+        label: "Reload",
+        action: () => window.location.reload(),
       };
     case "lost":
       return {
@@ -158,7 +178,25 @@ function bannerOf(state, seconds, problem) {
   }
 }
 
+/** Whether the session is of this page, which then keeps it. */
+const ownsSession = () => !shown.watches && shown.place.session === undefined;
+
+/** Let the server compute the session again that it has lost, as far as its log was kept. */
+function computeAgain(log) {
+  const played = shown.playing === true || (shown.playing === null && kept().plays === true);
+  take(shown.place);
+  shown.startsPlaying = played;
+  messages.showSkeleton("Computing the simulation again");
+  messages.toast({
+    title: "The server had lost this simulation",
+    detail: `It is computed again to frame ${log.frame}, with the same bits.`,
+    hint: true,
+  });
+  session.start({ log });
+}
+
 function onHello(hello) {
+  silence.hear();
   // The server pauses a session without viewers, also while a connection is interrupted.
   const resumes = hello.session.id === shown.id && shown.playing === true;
   if (hello.session.id !== shown.id) showSession(hello);
@@ -176,7 +214,7 @@ function onHello(hello) {
   if (plays !== null) session.send({ type: plays ? "play" : "pause" });
   shown.startsPlaying = null;
   shown.arriving = false;
-  if (!shown.watches && shown.place.session === undefined) keep({ session: shown.id });
+  if (ownsSession()) keep({ session: shown.id });
 }
 
 function showReplay({ frame, notice }) {
@@ -211,6 +249,8 @@ function showSession(hello) {
 }
 
 function onStatus(status) {
+  silence.hear();
+  if (ownsSession()) keeper.note(status.session);
   livePanel.showStatus(status);
   trackForces(status.session.frame, status.forces);
   showWho(status.session, status.history);
@@ -234,6 +274,7 @@ function onProblem(problem) {
 }
 
 function onFrame(buffer) {
+  silence.hear();
   shown.message = buffer; // an older one that has not been shown yet is skipped
 }
 
@@ -264,8 +305,9 @@ function animate(now) {
   if (stage.draw(now)) shown.drawnAt.push(now);
 }
 
-/** Count the pictures of the last second; called twice a second. */
+/** Count the pictures of the last second, and notice silence; called twice a second. */
 function measureDrawing() {
+  if (session.state === "live") silence.listen();
   const now = performance.now();
   shown.drawnAt = shown.drawnAt.filter((time) => now - time < 1000);
   livePanel.showDrawing(shown.drawnAt.length > 1 ? shown.drawnAt.length : null);
@@ -400,6 +442,11 @@ async function arrive() {
     return;
   }
   if (arrival !== shown.arrivals) return;
+  const log = running === undefined ? null : keeper.logOf(running);
+  if (log !== null) {
+    computeAgain(log);
+    return;
+  }
   const special = Object.keys(DAMAGED).find((name) => place[name] !== undefined);
   if (own !== undefined) {
     openOwn(own, place, options);
@@ -467,6 +514,7 @@ controls.bindControls({
 });
 
 bindAppearance();
+if (query.get("controls") === "0") document.body.dataset.controls = "off";
 const pressures = new Polled({
   ask: async () =>
     session.state === "live" && shown.scene !== null ? scaled(await session.pressure(), 1 / shown.length) : null,

@@ -1,14 +1,20 @@
 """Logs of sessions over HTTP: what is answered makes the same session again, and nonsense is refused."""
 
+import base64
 import copy
+import gzip
 import hashlib
 import io
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.service.conftest import SMALL_SCENE
+
+from hybridmpm import DataError, ReplayWarning, replay
 
 _OVAL = {"points": [[0.6, 0.5], [0.5, 0.6], [0.4, 0.5], [0.5, 0.4]], "kind": "ellipse"}
 
@@ -49,6 +55,47 @@ def test_it_makes_the_same_session_again(service: Any, logged: tuple[str, dict[s
     assert (made["frame"], made["notice"], made["kept"]) == (16, None, "memory")
     assert service.http.get(made["links"]["log"]).json() == log
     service.http.delete(made["links"]["self"])
+
+
+def test_the_library_computes_it_again(
+    service: Any, logged: tuple[str, dict[str, Any]], tmp_path: Path
+) -> None:
+    _, log = logged
+    assert replay(log).digest() == log["digest"]
+    assert replay(log, 7).frame == 7
+    # From a file, and from a link; with pushes over a sketch of one body.
+    path = service.create(SMALL_SCENE)
+    with service.stream(path) as stream:
+        service.http.post(f"{path}/advance", json={"frames": 3})
+        arrow = {"points": [[0.4, 0.4], [0.6, 0.6]], "kind": "arrow"}
+        settings = {"strokes": [arrow], "frames": 20, "hold": 5, "who": {"particle": 3}}
+        assert service.http.post(f"{path}/sketches", json=settings).status_code == 200
+        stream.send(type="push", point=[0.5, 0.4], velocity=[1.0, 0.5], radius=0.2)
+        stream.send(type="step", frames=6)
+        stream.reach(9)
+        stream.send(type="push_end")
+        stream.send(type="step", frames=30)
+        stream.reach(39)
+    pushed = service.http.get(f"{path}/log").json()
+    assert [one["kind"] for one in pushed["inputs"]] == ["sketch", "push", "push"]
+    file = tmp_path / "run.json"
+    file.write_text(json.dumps(pushed))
+    assert replay(file, threads=2).digest() == pushed["digest"]
+    packed = base64.urlsafe_b64encode(gzip.compress(file.read_bytes())).decode().rstrip("=")
+    assert replay(f"http://a.example/#replay={packed}").digest() == pushed["digest"]
+    with pytest.warns(ReplayWarning, match="version 1 of the solver made it"):
+        replay(pushed | {"versions": {"solver": 1}, "digest": "0" * 64})
+    for wrong, message in [
+        (f"#replay={packed[:-20]}", "the link is damaged"),
+        ({"scene": {}}, "format, solver, frame, inputs, digest is missing"),
+        (pushed | {"inputs": [{"kind": "push", "frame": 0}]}, "an input of the log is malformed"),
+        (tmp_path / "none.json", "cannot be read"),
+    ]:
+        with pytest.raises(DataError, match=message):
+            replay(wrong)
+    with pytest.raises(DataError, match=r"frame must be in \[0, 39\]"):
+        replay(pushed, 40)
+    service.http.delete(path)
 
 
 def test_a_changed_log_is_played_and_says_that_the_end_is_another(

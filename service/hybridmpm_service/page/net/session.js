@@ -225,7 +225,7 @@ export class SessionClient {
       this.#socket = null;
       this.#state = "connecting"; // nothing can be sent
       this.#lead?.leave();
-      if (code === LOST_CODE) this.#enter("lost");
+      if (code === LOST_CODE) this.#enter("lost", { deleted: true });
       else this.#retryLater(generation);
     });
   }

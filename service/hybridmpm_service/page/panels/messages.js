@@ -12,10 +12,11 @@ const CONNECTION = {
   failed: "Not running",
 };
 
-/** Show the state of the connection; while there is none, the player's controls are off. */
-export function showState(state) {
+/** Show the state of the connection; while there is none, the player's controls are off. A live one may be silent. */
+export function showState(state, silent = false) {
   document.body.dataset.state = state;
-  setText("connection", CONNECTION[state]);
+  document.body.dataset.silent = String(silent);
+  setText("connection", silent ? "No answer" : CONNECTION[state]);
   for (const id of ["play", "step", "reset", "speed"]) byId(id).disabled = state !== "live";
 }
 

@@ -54,8 +54,8 @@ const ACTIONS = {
     const page = present() === null ? `/?watch=${id}` : (await parts.session.link()).page;
     await copy(at(page).href, "A link to watch this simulation while it is open");
   },
-  python: async () => copy(asPython(await parts.session.log()), "Python for this scene"),
-  curl: async () => copy(asCurl(await parts.session.log(), at("/").href, present() !== null), "A shell command for this scene"),
+  python: async () => copy(await asPython(await parts.session.log()), "Python for this run"),
+  curl: async () => copy(asCurl(await parts.session.log(), at("/").href, present() !== null), "A shell command for this run"),
   film: async () => {
     report("The next half second is filmed.");
     const job = await parts.session.record(FILM);

@@ -1,0 +1,171 @@
+"""Runs of the service computed again from their logs: scene, simulator and all inputs, with the same bits."""
+
+import base64
+import binascii
+import gzip
+import json
+import warnings
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hybridmpm import simulators
+from hybridmpm._core import SOLVER_VERSION
+from hybridmpm.control import Arrow, Ellipse, Guidance, Push, Shape, Sketch, prepare
+from hybridmpm.errors import DataError, ReplayWarning
+from hybridmpm.force import total_force
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
+
+_LINK = "#replay="
+_FIELDS = ("format", "scene", "solver", "frame", "inputs", "digest")
+
+
+def replay(log: str | Path | Mapping[str, Any], frame: int | None = None, *, threads: int = 1) -> Simulator:
+    """Compute a run again from its log, with what acted on it: sketches and pushes, each in its frame.
+
+    Parameters
+    ----------
+    log : str, Path or mapping
+        The file of a run, as the page saves it; a link of the page with `#replay=`; or the log itself, as
+        `GET /v1/sessions/{id}/log` answers it.
+    frame : int, optional
+        Frame to stop at, at most the log's last one, which is the default.
+    threads : int in [1, 1024]
+        The result does not depend on it.
+
+    Returns
+    -------
+    Simulator
+        At that frame. What steers there acts no longer in frames that are advanced afterwards.
+
+    Warns
+    -----
+    ReplayWarning
+        The state at the log's end is not the one that the log ends with.
+
+    Raises
+    ------
+    DataError
+        The log cannot be read, or `frame` is beyond its end.
+    SceneError, ConfigError, SketchError, SimulationError
+        The scene, the simulator or a sketch is refused, or a frame fails.
+    """
+    given = _read(log)
+    last = given["frame"] if frame is None else frame
+    if not 0 <= last <= given["frame"]:
+        raise DataError(f"frame must be in [0, {given['frame']}], where the log ends; got {last}")
+    simulator = simulators.make(
+        given["solver"],
+        Scene.parse(given["scene"]),
+        threads=threads,
+        **{name: given.get(name) for name in ("coarse", "model", "r_c")},
+    )
+    run = _Run(simulator, given["inputs"])
+    try:
+        run.advance(last)
+    except (KeyError, TypeError, IndexError) as err:
+        raise DataError(f"an input of the log is malformed ({type(err).__name__}: {err})") from err
+    if last == given["frame"] and simulator.digest() != given["digest"]:
+        made_by = given.get("versions", {}).get("solver")
+        reason = (
+            f"version {made_by} of the solver made it, this is version {SOLVER_VERSION}"
+            if made_by != SOLVER_VERSION
+            else "it was changed, or made where arithmetic differs"
+        )
+        warnings.warn(
+            f"the state is not the one that the log ends with: {reason}", ReplayWarning, stacklevel=2
+        )
+    return simulator
+
+
+class _Run:
+    """A simulator with the inputs of a log, which act in their frames."""
+
+    def __init__(self, simulator: Simulator, inputs: list[dict[str, Any]]) -> None:
+        self._simulator, self._inputs = simulator, inputs
+        self._plans: dict[int, Guidance] = {}
+        self._guidance: Guidance | None = None
+        self._done = 0
+        self._hand: Push | None = None
+
+    def advance(self, last: int) -> None:
+        """Advance to a frame; what acts from it on is left out."""
+        place = 0
+        for now in range(self._simulator.frame, last):
+            for number, sketch in self._drawn_at(now):
+                settings = sketch["settings"]
+                self._plans[number] = prepare(self._simulator.copy(), _sketch(sketch["sketch"]), **settings)
+            while place < len(self._inputs) and self._inputs[place]["frame"] == now:
+                self._act(place)
+                place += 1
+            self._simulator.advance(1, self._force())
+            if self._guidance is not None:
+                self._done += 1
+                if self._done >= self._guidance.total_frames:
+                    self._guidance = None
+
+    def _drawn_at(self, frame: int) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Return the sketches that were planned for the state of a frame, with their places."""
+        for number, one in enumerate(self._inputs):
+            if one["kind"] == "sketch" and one["drawn_frame"] == frame:
+                yield number, one
+
+    def _act(self, place: int) -> None:
+        one = self._inputs[place]
+        if one["kind"] == "push":
+            hand = one["push"]
+            self._hand = hand and Push(
+                np.array(hand["point"]), np.array(hand["velocity"]), hand["radius"], hand["cap"]
+            )
+        else:
+            self._guidance = self._plans[place] if one["kind"] == "sketch" else None
+            self._done = 0
+
+    def _force(self) -> Any:
+        """Return the force of sketch and hand in the next frame."""
+        acting = [] if self._guidance is None else [self._guidance.law.force(self._simulator, self._done)]
+        if self._hand is not None:
+            acting.append(self._hand(self._simulator))
+        acting = [force for force in acting if force is not None]
+        if len(acting) < 2:
+            return acting[0] if acting else None
+        return total_force(acting, self._simulator.ids, self._simulator.dim)
+
+
+def _sketch(record: Mapping[str, Any]) -> Sketch:
+    fields = {name: value for name, value in record.items() if name != "kind" and value is not None}
+    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
+    return kinds[record["kind"]](**fields)
+
+
+def _read(log: str | Path | Mapping[str, Any]) -> dict[str, Any]:
+    """Return a log, with all fields that are needed."""
+    if isinstance(log, Mapping):
+        value: Any = dict(log)
+    elif isinstance(log, str) and _LINK in log:
+        value = _unpacked(log.partition(_LINK)[2])
+    else:
+        try:
+            value = json.loads(Path(log).read_text(encoding="utf-8"))
+        except OSError as err:
+            raise DataError(f"{log} cannot be read: {err.strerror}") from None
+        except ValueError as err:
+            raise DataError(f"{log} is no log: {err}") from None
+    missing = [name for name in _FIELDS if name not in value] if isinstance(value, dict) else _FIELDS
+    if missing:
+        raise DataError(f"this is no log of a run: {', '.join(missing)} is missing")
+    if value["format"] != 1:
+        raise DataError(f"the log has the format {value['format']}, this version reads 1")
+    return dict(value)
+
+
+def _unpacked(text: str) -> Any:
+    try:
+        packed = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
+        return json.loads(gzip.decompress(packed))
+    except (binascii.Error, OSError, EOFError, zlib.error, ValueError) as err:
+        raise DataError(f"the link is damaged, a part of it is missing or changed: {err}") from None
