@@ -154,7 +154,7 @@ class Goal:
     @property
     def leads_around(self) -> bool:
         """Whether particles go around obstacles in groups, each on a way of its own."""
-        return not self.paths.together and bool((np.diff(self.paths.starts) > 2).any())
+        return self.paths.leads_around
 
     @property
     def tip_is_free(self) -> bool:

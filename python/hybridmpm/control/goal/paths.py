@@ -251,6 +251,11 @@ class Paths:
         return float(self.weight @ (np.minimum.reduceat(away, self.starts[:-1].astype(int)) <= reach))
 
     @property
+    def leads_around(self) -> bool:
+        """Whether groups go around obstacles, each on a way of its own."""
+        return not self.together and bool((np.diff(self.starts) > 2).any())
+
+    @property
     def offset(self) -> Floats:
         """Distance of each particle's place from the end of its group's path (N, D) [m]."""
         return np.asarray(self.places - self.corners[self.starts[1:] - 1][self.group])

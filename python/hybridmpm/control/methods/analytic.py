@@ -1,5 +1,6 @@
 """Guidance without weights: optimal transport to the goal, and the least force along the paths."""
 
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.simulator import Simulator
@@ -24,14 +25,13 @@ class Analytic:
 
     def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal contains the state
         """Return the law along the paths of the goal."""
-        return task.tracked(task.goal.paths, share=arrival(task))
+        return task.tracked(task.goal.paths, share=arrival(task, task.goal.paths))
 
 
-def arrival(task: Task) -> float:
-    """Return the share of the task's frames in which its goal is to be reached."""
-    goal = task.goal
-    if not goal.leads_around:
+def arrival(task: Task, paths: Paths) -> float:
+    """Return the share of the task's frames in which paths are to reach their ends."""
+    if not paths.leads_around:
         return 1.0
-    motion = goal.paths.timed(_EARLY * task.frames * goal.cloud.frame_dt)
-    ample = motion.effort(goal.cloud.gravity).acceleration <= _AMPLE * task.cap
+    motion = paths.timed(_EARLY * task.frames * task.goal.cloud.frame_dt)
+    ample = motion.effort(task.goal.cloud.gravity).acceleration <= _AMPLE * task.cap
     return _EARLY if ample else 1.0

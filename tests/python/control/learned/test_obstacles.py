@@ -109,6 +109,20 @@ def test_ways_lead_around_a_post(sketch: Any, network_file: NetworkFile) -> None
     assert (room.distance(np.concatenate(gone)) > -1e-6).all()
 
 
+def test_an_oval_among_obstacles_is_filled_unless_that_tears_the_fluid(network_file: NetworkFile) -> None:
+    """Places are those of the analytic plan; who goes where is the network's."""
+    large = Ellipse(np.array([0.7, 0.45]), np.array([0.19, 0.15]), 0.0)
+    for sketch, is_filled in ((UPPER, True), (large, False)):
+        guidance = planned(scene_with(POST), network_file(scenario="water_ramps_2d"), sketch)
+        assert guidance.method == "learned", guidance.reason
+        law: Any = guidance.law
+        found = law.x[law.starts[1:].astype(int) - 1][law.path] + law.offset
+        filled = guidance.goal.paths.places
+        away = np.linalg.norm(found[:, None] - filled[None], axis=2).min(axis=1)
+        assert guidance.goal.is_torn is not is_filled
+        assert (np.quantile(away, 0.99) < 1e-3) == is_filled
+
+
 def test_fluid_arrives_behind_a_post(network_file: NetworkFile) -> None:
     solver = MpmSolver(scene_with(POST))
     solver.advance(5)

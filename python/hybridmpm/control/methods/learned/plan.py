@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _core
 from hybridmpm.coarse.merging import balanced_clusters
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
+from hybridmpm.control.methods.analytic import arrival
 from hybridmpm.control.methods.learned.features import Aim, State, distances
 from hybridmpm.control.methods.learned.guard import objection
 from hybridmpm.control.methods.learned.network import TransportNetwork
@@ -33,9 +35,12 @@ class Learned:
     """Leads each particle to where, by what a network has learned, it may have come from.
 
     For an oval the places get the mean and the covariance that it stands for, which in 3D is that in the
-    front view, for an arrow the mean. Where the plan cannot be trusted, analytic control takes over: in
-    scenes of another kind than the network was trained on, and where the plan leaves the room, misses the
-    goal, is too dense, or takes more force than is allowed.
+    front view, for an arrow the mean. Among obstacles an oval that is not much larger than the fluid is
+    filled evenly, and the network decides who goes where: fluid that was to lie in obstacles finds room.
+
+    Where the plan cannot be trusted, analytic control takes over: in scenes of another kind than the network
+    was trained on, and where the plan leaves the room, ends in obstacles or crosses them, misses the goal, is
+    too dense, or takes more force than is allowed.
 
     Parameters
     ----------
@@ -74,10 +79,13 @@ class Learned:
         if not np.isfinite(found).all():
             raise FallBack("the network's answer is not finite")
         covariance = None if aim.root is None else aim.root @ aim.root
-        places = fitted_in_view(found, goal.cloud.weight, aim.mean, covariance)
+        ends = fitted_in_view(found, goal.cloud.weight, aim.mean, covariance)
         group = _groups(goal)
         room = goal.room
-        paths = Paths.straight(goal.cloud, room.freed(places), group)
+        places = room.freed(ends)
+        if goal.drawn is not None and goal.region is not None and room.scene.obstacles and not goal.is_torn:
+            places = room.freed(_core.match_to_region(places, goal.region.cells).places)
+        paths = Paths.straight(goal.cloud, places, group)
         if goal.drawn is None:
             along = Paths.along(
                 goal.path, goal.cloud, paths.places, group, lower=room.lower, upper=room.upper
@@ -85,9 +93,10 @@ class Learned:
             paths = paths.around(room) if along.blocked(room).any() else along
         else:
             paths = paths.around(room)
-        if (reason := objection(places, paths, task)) is not None:
+        if (reason := objection(ends, paths, task)) is not None:
             raise FallBack(reason)
-        return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(paths)
+        finer = dataclasses.replace(task, resolution=_FINER * task.resolution)
+        return finer.tracked(paths, share=arrival(task, paths))
 
 
 def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
