@@ -20,12 +20,20 @@ METHODS: dict[str, Method] = {
 """Methods of the library by name."""
 
 
-_WON = {(WATER, "arrow"), (SAND, "arrow"), (WATER, "wide oval"), (SAND, "wide oval")}
-"""Materials and sketches in 3D for which learned plans won in reversed cases of 50 validation seeds.
+_WON: frozenset[tuple[int, str, str]] = frozenset(
+    {
+        (3, "water", "arrow"),
+        (3, "sand", "arrow"),
+        (3, "water", "wide oval"),
+        (3, "sand", "wide oval"),
+    }
+)
+"""Dimensions, fluids and sketches for which learned plans won in reversed cases of 50 validation seeds.
 
-Their errors over those of the better of guidance and backcast are 0.80, 0.85, 0.81 and 0.96. The last gain is
-small because that error saturates; by transport distance the ratio is 0.34. Narrower ovals are absent because
-guidance can fill them."""
+In 3D their errors over those of the better of guidance and backcast are 0.80, 0.85, 0.81 and 0.96. The last
+gain is small because that error saturates; by transport distance the ratio is 0.34. Narrower ovals are absent
+because guidance can fill them."""
+_FLUIDS = {WATER: "water", SAND: "sand"}
 
 
 def chosen(method: str | Method, scene: Scene, goal: Goal) -> tuple[Method, str]:
@@ -57,15 +65,15 @@ def chosen(method: str | Method, scene: Scene, goal: Goal) -> tuple[Method, str]
 
 def _best(scene: Scene, goal: Goal) -> tuple[Method, str]:
     """Return the learned plan for the kinds of goals on which it won, else guidance, and why."""
-    materials = set(goal.cloud.types.tolist())
+    fluids = sorted(_FLUIDS.get(one, "another") for one in set(goal.cloud.types.tolist()))
     kind = "wide oval" if goal.sketch.kind == "ellipse" and goal.is_torn else goal.noun
-    has_won = len(materials) == 1 and (*materials, kind) in _WON
-    if scene.dim == 3 and has_won and not goal.cloud.partial:
+    among = " among obstacles" if scene.obstacles else ""
+    if (scene.dim, " and ".join(fluids) + among, kind) in _WON and not goal.cloud.partial:
         try:
             serving(TransportNetwork, None, scene)
         except FallBack:
             pass
         else:
             why = "the learned plan led back nearest of all methods on validation seeds"
-            return METHODS["learned"], f"for {kind}s in 3D {why}"
+            return METHODS["learned"], f"for {kind}s in {scene.dim}D{among} {why}"
     return METHODS["analytic"], "guidance from the actual state takes the least force and plans at once"
