@@ -25,6 +25,9 @@ _GROUPS = 208
 _FINER = 2
 """Cells for the smoothing of the force over those of the other methods: learned plans part particles that are
 near to each other."""
+_EARLY = 0.67
+"""Share of the frames for ways around obstacles. Of the fluid of 15 scenes with ovals behind obstacles 0.91,
+0.93 and 0.94 arrive in time with 0.85, 0.75 and 0.67, and 0.91 by analytic control."""
 EVALUATIONS = 1
 """Evaluations of the network, by default. One gives the mean of the ends that the network takes for possible,
 which is nearer to the truth than any of them: with 2 and 4 the error of 88 validation cases was 4 and 9 %
@@ -96,7 +99,7 @@ class Learned:
         if (reason := objection(ends, paths, task)) is not None:
             raise FallBack(reason)
         finer = dataclasses.replace(task, resolution=_FINER * task.resolution)
-        return finer.tracked(paths, share=arrival(task, paths))
+        return finer.tracked(paths, share=arrival(task, paths, _EARLY))
 
 
 def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
