@@ -31,10 +31,10 @@ class Analytic:
 def arrival(task: Task, paths: Paths, early: float = _EARLY) -> float:
     """Return the share of the task's frames in which paths are to reach their ends.
 
-    It is `early` for paths around obstacles where the cap allows for it, else 1.
+    It is `early` for paths around obstacles where half of the cap is enough for `_EARLY`, else 1.
     """
     if not paths.leads_around:
         return 1.0
-    motion = paths.timed(early * task.frames * task.goal.cloud.frame_dt)
+    motion = paths.timed(_EARLY * task.frames * task.goal.cloud.frame_dt)
     ample = motion.effort(task.goal.cloud.gravity).acceleration <= _AMPLE * task.cap
     return early if ample else 1.0

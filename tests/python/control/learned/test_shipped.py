@@ -12,7 +12,16 @@ from click.testing import CliRunner
 
 from hybridmpm import MpmSolver, Scene, scenarios
 from hybridmpm.cli import cli
-from hybridmpm.control import Arrow, Ellipse, Learned, Sketch, follow, prepare, resume
+from hybridmpm.control import (
+    Arrow,
+    Ellipse,
+    Learned,
+    Sketch,
+    follow,
+    prepare,
+    resume,
+    reversed_from_seed,
+)
 from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.learned.serving import serving
 
@@ -58,7 +67,17 @@ def test_auto_takes_the_learned_plan_where_it_won(water: MpmSolver, sand: MpmSol
     for solver, (sketch, kind) in product((water, sand), sketches):
         guidance = prepare(solver, sketch)
         assert guidance.method == "learned", guidance.reason
-        assert guidance.reason.startswith(f"for {kind} in 3D the learned plan led back nearest")
+        assert guidance.reason.startswith(f"for {kind} in 3D the learned plan led back nearer than guidance")
+
+
+@pytest.mark.parametrize("name", ["water_2d", "sand_2d", "water_sand_2d", "water_ramps_2d", "sand_ramps_2d"])
+def test_auto_takes_the_learned_plan_in_2d(name: str) -> None:
+    """Arrows back along the way of the fluid, among obstacles too."""
+    case = reversed_from_seed(name, 7, start="live", kind="arrow")
+    guidance = prepare(case.simulator(), case.sketch, frames=case.frames)
+    assert guidance.method == "learned", guidance.reason
+    among = " among obstacles" if "ramps" in name else ""
+    assert guidance.reason.startswith(f"for arrows in 2D{among} the learned plan led back nearer")
 
 
 def _with_an_obstacle() -> Scene:
@@ -68,14 +87,18 @@ def _with_an_obstacle() -> Scene:
 
 
 def test_auto_takes_guidance_elsewhere(water: MpmSolver, sand: MpmSolver) -> None:
-    """Narrow ovals are filled, and the network has seen neither obstacles nor parts of a fluid."""
+    """Narrow ovals are filled; networks have seen no parts of a fluid, and in 3D no obstacles."""
     cases: list[tuple[MpmSolver, Sketch, dict[str, Any]]] = [
         (water, NARROW, {}),
         (water, WIDE, {"fill": "shrink"}),
         (sand, NARROW, {}),
         (water, ARROW, {"who": 0}),
         (MpmSolver(_with_an_obstacle()), ARROW, {}),
-        (MpmSolver(scenarios.get("water_2d", 3)), ARROW, {}),
+        (
+            MpmSolver(scenarios.get("water_2d", 3)),
+            Ellipse(np.array([0.5, 0.5]), np.array([0.15, 0.1]), 0.3),
+            {},
+        ),
     ]
     for solver, sketch, options in cases:
         guidance = prepare(solver, sketch, **options)
