@@ -88,7 +88,7 @@ def test_a_disc_that_walls_move_off_the_tip_is_no_success(tip: tuple[float, floa
 
 
 def test_a_disc_near_a_wall_is_moved_until_its_middle_is_at_the_tip() -> None:
-    following = follow(_pool(0.05), Arrow(np.array([[0.5, 0.125], [0.6, 0.175]])))
+    following = follow(_pool(0.05), Arrow(np.array([[0.5, 0.125], [0.6, 0.175]])), "analytic")
     region = following.guidance.goal.region
     np.testing.assert_allclose(region.cells.mean(axis=0), following.guidance.goal.path[-1], atol=7e-3)
     assert following.guidance.needs().reachable

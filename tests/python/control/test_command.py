@@ -35,7 +35,7 @@ def test_a_sketch_is_followed_and_written(folder: Path) -> None:
     out = [word for file in files for word in ("--out", str(file))]
     run = _run(folder, "--sketch", str(folder / "arrow.json"), "--start", "4", *out)
     assert run.exit_code == 0, run.output
-    assert "method analytic: " in run.output
+    assert "method learned: for arrows in 2D" in run.output
     assert "15 g allowed" in run.output
     assert "centre of mass" in run.output
     assert all(f"wrote {file}" in run.output for file in files)

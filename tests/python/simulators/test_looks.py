@@ -67,7 +67,7 @@ def test_scenes_and_states_that_were_kept_say_what_they_are() -> None:
 def test_what_follows_a_sketch_says_how_far_it_is(falling_block: Scene) -> None:
     arrow = control.Arrow(points=np.array([[0.3, 0.3], [0.4, 0.4]]))
     following = control.follow(MpmSolver(falling_block), arrow, frames=40)
-    assert repr(following.guidance).startswith("Guidance(arrow, analytic: ")
+    assert repr(following.guidance).startswith("Guidance(arrow, learned: ")
     next(following)
     assert repr(following).endswith("frame 1), arrow, 1 of 40 frames)")
     following.cancel()

@@ -77,8 +77,8 @@ def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None
     assert answer.status_code == 200
     body = answer.json()
     assert body["sketch"] == {"kind": "arrow", "points": ARROW["points"]}
-    assert (body["number"], body["method"]) == (1, "analytic")
-    assert "least force" in body["reason"]
+    assert (body["number"], body["method"]) == (1, "learned")
+    assert "led back nearer than guidance" in body["reason"]
     assert (body["frames"], body["hold"], body["first_frame"], body["drawn_frame"]) == (45, 3, 4, 4)
     assert not {"positions", "force", "centroids"} & set(body)
     needs = body["needs"]
@@ -92,7 +92,7 @@ def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None
         "number": 1,
         "kind": "arrow",
         "phase": "steering",
-        "method": "analytic",
+        "method": "learned",
         "first_frame": 4,
         "frames_done": 0,
         "frames": 45,
@@ -343,7 +343,7 @@ def test_the_answer_describes_the_motion_and_the_session_stays(service: Any, pat
     assert answer.status_code == 200
     body = answer.json()
     assert body["sketch"] == {"kind": "arrow", "points": ARROW["points"]}
-    assert (body["method"], body["frames"], body["hold"], body["first_frame"]) == ("analytic", 45, 2, 4)
+    assert (body["method"], body["frames"], body["hold"], body["first_frame"]) == ("learned", 45, 2, 4)
     assert body["frame_indices"] == [0, 10, 20, 30, 40, 47]
     assert (len(body["positions"]), len(body["force"])) == (6, 5)
     assert (len(body["centroids"]), len(body["mean_force"])) == (48, 47)

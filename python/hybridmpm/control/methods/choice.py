@@ -67,7 +67,8 @@ def _best(scene: Scene, goal: Goal) -> tuple[Method, str]:
     kind = "wide oval" if goal.sketch.kind == "ellipse" and goal.is_torn else goal.noun
     among = " among obstacles" if scene.obstacles else ""
     has_won = " and ".join(fluids) + among in _WON[scene.dim] and kind in {"arrow", "wide oval"}
-    if has_won and not goal.cloud.partial:
+    # What goes round obstacles as a thread, or in its shape, only guidance leads there.
+    if has_won and not goal.cloud.partial and not (scene.obstacles and goal.bent):
         try:
             serving(TransportNetwork, None, scene)
         except FallBack:
