@@ -29,7 +29,7 @@ LIMITS = {
     # 90 lines push with the bits of pages, and let clients compute frames.
     # 45 lines take keys and links to a service.
     # 170 lines compute runs of the service again from their logs.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_920),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 37_925),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service.
     "command line": (("python/hybridmpm/cli/**.py",), 2_765),
