@@ -150,7 +150,8 @@ def test_every_module_is_loaded_at_once_or_on_demand_and_the_page_stays_small() 
     assert preloaded == {name for name in modules if name != "main.js" and not name.startswith(ON_DEMAND)}
     files = (path for path in folder.rglob("*.*") if path.is_file())
     at_once = (path for path in files if not path.relative_to(folder).as_posix().startswith(ON_DEMAND))
-    assert sum(len(gzip.compress(path.read_bytes())) for path in at_once) < 90_000
+    # 7 kB let the tab simulate, ask for keys, keep addresses and logs, and fit frames of other sites.
+    assert sum(len(gzip.compress(path.read_bytes())) for path in at_once) < 97_000
 
 
 @pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
