@@ -13,6 +13,7 @@ from .conftest import LIVE, PATIENCE_MS, LiveService, Visit, free_port
 
 pytestmark = pytest.mark.browser
 
+AXE = (Path(__file__).parent / "axe" / "axe.min.js").read_text(encoding="utf-8")
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples" / "web"
 
 
@@ -68,6 +69,9 @@ def test_a_frame_of_another_site_shows_the_stage(visit: Visit, folder: Path, por
         frame.wait_for_function(f"() => {{ const body = document.body.dataset; return {LIVE}; }}")
         assert frame.evaluate("document.documentElement.scrollHeight <= innerHeight")
         expect(frame.locator("#scene-form")).to_be_hidden()
+        assert (
+            frame.evaluate(f"{AXE}; axe.run().then(({{violations}}) => violations.map(({{id}}) => id))") == []
+        )
     expect(hourglass.get_by_role("button", name="Pause")).to_be_visible()
     expect(drop.get_by_role("button", name="Pause")).to_be_hidden()
     assert drop.locator("#view").bounding_box()["height"] > 500
