@@ -18,6 +18,7 @@ import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
 import { Hand } from "./sketch/hand.js";
+import { SeenSketch } from "./sketch/seen.js";
 import { Steering } from "./sketch/steering.js";
 import { lengthOf, scaled } from "./stage/units.js";
 import { Stage } from "./stage/stage.js";
@@ -84,6 +85,13 @@ const hand = new Hand({
   changed: refreshSteering,
 });
 const presenter = new Presenter(steering);
+const seen = new SeenSketch({
+  log: async () => scaled(await session.log(), 1 / shown.length),
+  changed: () => {
+    document.body.dataset.seen = seen.sketch?.kind ?? "";
+    stage.invalidate();
+  },
+});
 const forces = new Polled({
   ask: async () => {
     const field = session.state === "live" ? await session.force() : null;
@@ -91,7 +99,7 @@ const forces = new Polled({
   },
   changed: () => stage.invalidate(),
 });
-const stage = new Stage(document.getElementById("view"), { steering, hand, presenter, forces }, query.get("renderer"));
+const stage = new Stage(document.getElementById("view"), { steering, hand, presenter, seen, forces }, query.get("renderer"));
 const tools = new Tools(document.getElementById("overlay"), {
   stage,
   steering,
@@ -257,6 +265,7 @@ function onStatus(status) {
   shown.speed = status.session.speed;
   shown.centroid = scaled(status.session, 1 / shown.length).centroid;
   steering.note(status.session.control);
+  seen.note(status.session.control, steering.sketch !== null);
   setPlaying(status.session.playing);
 }
 

@@ -35,6 +35,19 @@ def _has_let_go(service: LiveService, visit: Visit) -> bool:
     return bool(inputs) and inputs[-1]["push"] is None
 
 
+_GREENS = """() => {
+    const overlay = document.getElementById('overlay');
+    const { data } = overlay.getContext('2d').getImageData(0, 0, overlay.width, overlay.height);
+    let found = 0;
+    for (let i = 0; i < data.length; i += 4) {
+        const [red, green, blue, opaque] = data.subarray(i, i + 4);
+        if (opaque > 80 && green > red + 60 && green > blue + 60) found += 1;
+    }
+    return found;
+}"""
+"""Counts the green pixels over the particles."""
+
+
 def _copied(visit: Visit, name: str) -> str:
     visit.page.evaluate("document.getElementById('share-text').textContent = ''")
     visit.page.get_by_role("button", name=name).click()
@@ -154,6 +167,15 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     player.page.get_by_role("button", name="Play", exact=True).click()
     viewer.wait_for(f"Number(body.frame) > {player.frame}")
     assert service.get(f"/v1/sessions/{player.session}/log")["inputs"] == inputs
+    # What steers is drawn for the viewer as well, and for the player after a reload.
+    player.press_until("o", "body.tool === 'oval'")
+    player.page.locator("#hold").fill("100")
+    player.drag([(0.35, 0.4), (0.65, 0.7)])
+    player.wait_for("body.control === 'following'")
+    viewer.wait_for("body.seen === 'ellipse'")
+    viewer.eventually(lambda: viewer.page.evaluate(_GREENS) > 100)
+    player.page.reload()
+    player.wait_for("body.state === 'live' && body.seen === 'ellipse'")
     # When the session ends, the viewer is told, and may start anew.
     service.end(player.session)
     viewer.wait_for("body.state === 'lost'")

@@ -40,13 +40,13 @@ export class Stage {
   #frame = null; // the frame that is shown
   #described = false; // whether the renderer has the particles
   #time = 0; // simulated time of the frame that is shown [s]
-  #shown; // {steering, hand, presenter, forces}: what is drawn over the particles
+  #shown; // {steering, hand, presenter, seen, forces}: what is drawn over the particles
   #centroid = null; // centre of mass of the fluid
   #cursor = null; // cursor of the keyboard [px]; null while it has none
   #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
-  /** @param shown {steering, hand, presenter, forces}: what is drawn over the particles */
+  /** @param shown {steering, hand, presenter, seen, forces}: what is drawn over the particles */
   constructor(element, shown, wantedRenderer) {
     this.#element = element;
     this.#shown = shown;
@@ -228,11 +228,12 @@ export class Stage {
 
   #drawOverlay(now) {
     const context = this.#clear(this.#canvases.overlay);
-    const { steering, hand, presenter, forces } = this.#shown;
+    const { steering, hand, presenter, seen, forces } = this.#shown;
     drawForeground(context, this.view, this.#scene, this.#time);
     if (forces.latest !== null) drawForces(context, this.view, forces.latest);
     if (steering.sketch !== null) this.#drawSteering(context, steering, now);
     else if (presenter.ghost !== null) this.#drawGhost(context, presenter.ghost);
+    else if (seen.sketch !== null) drawSketch(context, this.view, this.#scene, seen.sketch, 0.55);
     if (hand.point !== null) drawHand(context, this.view, hand.point, RADIUS);
     if (this.#cursor !== null) drawCursor(context, this.#cursor);
   }
