@@ -50,17 +50,21 @@ def costs(repeats: int) -> Iterator[tuple[str, float, float | None]]:
             "through HAProxy": (stack.enter_context(proxied(plain)), None, plain),
             "with keys through HAProxy": (stack.enter_context(proxied(keyed)), token, keyed),
         }
-        calls, commands = dict[str, Callable[[], None]](), dict[str, Callable[[], None]]()
-        for name, (port, key, server) in ways.items():
+        paths = {}
+        for name, (_, key, server) in ways.items():
             with Client(server.address, key=key) as client:
-                path = f"/v1/sessions/{client.create('water_2d').id}"
-            calls[name] = stack.enter_context(calling(port, path, key))
-            commands[name] = stack.enter_context(commanding(port, path, key))
-        for what, each in (("GET of a session", calls), ("command of a stream to its status", commands)):
-            times = timed(each, repeats)
+                paths[name] = f"/v1/sessions/{client.create('water_2d').id}"
+        for what, way in (("GET of a session", calling), ("command of a stream to its status", commanding)):
+            # Streams are opened when they are read: one that nobody reads is closed.
+            with ExitStack() as opened:
+                each = {
+                    name: opened.enter_context(way(port, paths[name], key))
+                    for name, (port, key, _) in ways.items()
+                }
+                times = timed(each, repeats)
             for name in ways:
                 yield f"{what} {name}, lower quartile", times[name], None
-            aim = 0.2 if each is calls else None
+            aim = 0.2 if way is calling else None
             yield f"{what}, added by keys", times["with keys"] - times["without keys"], aim
             yield f"{what}, added by HAProxy", times["through HAProxy"] - times["without keys"], None
 

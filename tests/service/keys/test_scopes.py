@@ -16,7 +16,7 @@ from hybridmpm_service import Settings, create_app
 from hybridmpm_service.http.guard import need_of
 from hybridmpm_service.keys.callers import SCOPES
 
-OPEN = {("GET", path) for path in ("/", "/livez", "/readyz", "/openapi.json", "/metrics")}
+OPEN = {("GET", path) for path in ("/", "/embed", "/livez", "/readyz", "/openapi.json", "/metrics")}
 """All that is answered without a key; the last one to programs on this machine."""
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW")
 

@@ -8,9 +8,17 @@ const NAME = "hybridmpm-key";
 const PROTOCOL = "hybridmpm";
 
 let link = null; // the token of a link; null without one
-let token = window.sessionStorage.getItem(NAME);
+let token = stored();
 let asking = null; // promise of an answer of the user, whom several calls may wait for
 let ask = async () => null; // from onKeyNeeded
+
+function stored() {
+  try {
+    return window.sessionStorage.getItem(NAME);
+  } catch {
+    return null; // browsers may deny storage to pages within pages of other sites
+  }
+}
 
 /** Use a link in place of a key. */
 export function useLink(value) {
@@ -41,6 +49,10 @@ export async function renewed(sent) {
   const given = await asking;
   if (given === null) return false;
   token = given;
-  window.sessionStorage.setItem(NAME, given);
+  try {
+    window.sessionStorage.setItem(NAME, given);
+  } catch {
+    // It is kept until the page is left.
+  }
   return true;
 }
