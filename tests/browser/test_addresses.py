@@ -77,10 +77,15 @@ def test_a_scene_of_ones_own_is_in_its_address(open_page: Open, service: LiveSer
     [
         ("scenario=watr_2d", "The address cannot be shown", "did you mean 'water_2d'"),
         ("gallery=hourglas", "Not in the gallery", "no scene of the name"),
-        ("demo=sand", "Not in the gallery", "no demonstration of the name"),
-        ("coarse=1/3&scenario=water_2d", "Unknown coarse level in the address", 'not "1/3"'),
-        ("preset=pipe", "Unknown preset in the address", "pipeline-3d"),
-        ("#scene=H4sIA", "This link is damaged", "scene in it is missing"),
+        *(
+            pytest.param(*other, marks=pytest.mark.long)
+            for other in [
+                ("demo=sand", "Not in the gallery", "no demonstration of the name"),
+                ("coarse=1/3&scenario=water_2d", "Unknown coarse level in the address", 'not "1/3"'),
+                ("preset=pipe", "Unknown preset in the address", "pipeline-3d"),
+                ("#scene=H4sIA", "This link is damaged", "scene in it is missing"),
+            ]
+        ),
     ],
 )
 def test_a_mistyped_address_falls_back_with_a_sentence(
@@ -95,6 +100,7 @@ def test_a_mistyped_address_falls_back_with_a_sentence(
         visit.errors.clear()  # the browser itself reports the status of the refusal
 
 
+@pytest.mark.long
 def test_a_demonstration_has_an_address(open_page: Open, service: LiveService) -> None:
     visit = open_page("renderer=canvas2d&demo=sand-2-arrow", until="body.control === 'following'")
     made = service.get(f"/v1/sessions/{visit.session}")

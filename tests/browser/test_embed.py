@@ -77,6 +77,7 @@ def test_a_frame_of_another_site_shows_the_stage(visit: Visit, folder: Path, por
     assert drop.locator("#view").bounding_box()["height"] > 500
 
 
+@pytest.mark.long
 def test_other_sites_may_not_show_it(visit: Visit, folder: Path, port: int) -> None:
     visit.page.goto(f"http://localhost:{port}/embed.html")
     visit.eventually(lambda: any("frame-ancestors" in text for text in visit.errors))
@@ -84,6 +85,7 @@ def test_other_sites_may_not_show_it(visit: Visit, folder: Path, port: int) -> N
     visit.errors.clear()  # the browser itself reports the refusal
 
 
+@pytest.mark.long
 def test_a_page_of_ones_own_draws_and_pushes(
     visit: Visit, folder: Path, service: LiveService, port: int
 ) -> None:

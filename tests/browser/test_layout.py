@@ -38,6 +38,7 @@ def _in_sight(visit: Visit, selector: str) -> float:
 
 def test_the_fluid_stays_in_sight_while_cards_pass(open_page: Open) -> None:
     visit = open_page(until=LIVE)
+    viewer = open_page(f"renderer=canvas2d&watch={visit.session}", until="body.state === 'live'")
     first = "section.card:has(#scene-title)"
     for size in SIZES:
         visit.page.set_viewport_size(size)
@@ -51,3 +52,7 @@ def test_the_fluid_stays_in_sight_while_cards_pass(open_page: Open) -> None:
             assert _in_sight(visit, "#view") > 0.85, (size, name)
             assert _in_sight(visit, "#play") > 0.9, (size, name)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]
+        viewer.page.set_viewport_size(size)
+        assert _in_sight(viewer, "#view") > 0.95, size
+        assert _in_sight(viewer, "#watching") > 0.95, size
+        assert _in_sight(viewer, first) > 0.3, size
