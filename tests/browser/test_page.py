@@ -138,7 +138,7 @@ def test_particles_that_come_and_go_are_drawn(open_page: Open, service: LiveServ
     assert np.count_nonzero(red > blue + 50) > 500
 
 
-ON_DEMAND = ("build/", "gallery/", "plan/", "share/", "panels/key-panel.js", "net/lead-worker.js")
+ON_DEMAND = ("build/", "gallery/", "plan/", "share/", "panels/key-panel.js", "net/lead")
 """Folders and files of parts that are loaded on demand."""
 
 

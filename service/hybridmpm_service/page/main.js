@@ -80,6 +80,7 @@ const steering = new Steering({
 const hand = new Hand({
   speed: () => shown.speed,
   cap: handCap,
+  isHere: () => session.isHere,
   push: (push) => session.send({ type: "push", ...scaled(push, shown.length) }),
   end: () => session.send({ type: "push_end" }),
   changed: refreshSteering,

@@ -283,7 +283,7 @@ class Session:
     async def lead(self, by: Mailbox) -> None:
         """Let the tab of a viewer compute the frames from now on; its mailbox gets the state to begin with.
 
-        The session plays, and computes what `follow` notes. Whatever else changes it ends the lead.
+        The session goes on playing, and computes what `follow` notes. Whatever else changes it ends the lead.
 
         Parameters
         ----------
@@ -293,21 +293,21 @@ class Session:
         Raises
         ------
         LeadRefusedError
-            A network moves the particles, a sketch steers, or another viewer leads or pushes.
-        MachineFullError
-            Other sessions leave too little of the machine's time to play.
+            The session is paused, a network moves the particles, a sketch steers, or another viewer leads or
+            pushes.
         SessionNotFoundError, SessionBusyError
             As in `advance`.
         """
         if self.simulation.kind != "mpm":
             raise LeadRefusedError("a tab computes frames of MPM alone: networks run on servers only")
+        if not self.playing:
+            raise LeadRefusedError("the session is paused: send play first")
         if self._lead is not None and self._lead.by is not by:
             raise LeadRefusedError("another viewer's tab computes the frames: watch them, or try again later")
         if self._pusher not in (None, by):
             raise LeadRefusedError("another viewer's hand pushes: try again when it has let go")
         if self._planner.control is not None or self.view.steers:
             raise LeadRefusedError("a sketch steers, which the server plans: try again when it has ended")
-        self.play()
         self._lead = lead = Lead(by)
 
         def begin() -> None:

@@ -245,14 +245,18 @@ def test_a_client_with_the_solver_computes_the_frames(client: Client) -> None:
         def text(kind: str) -> dict[str, Any]:
             return next(one for one in stream if isinstance(one, dict) and one["type"] == kind)
 
+        stream.play()
         stream.lead()
-        assert text("lead")["digest"] == solver.digest()
+        begun = text("lead")
+        frame = begun["frame"]
+        solver.advance(frame)
+        assert begun["digest"] == solver.digest()
         assert session.start_file().startswith(b"HMPMPLAY")
         hand = {"point": [0.5, 0.3], "velocity": [1.0, 0.0], "radius": 0.2}
         solver.advance(1)
         solver.advance(2, push(**hand))
-        stream.led(3, [{"frame": 1, "push": hand}])
-        assert text("led")["upto"] == 3
+        stream.led(frame + 3, [{"frame": frame + 1, "push": hand}])
+        assert text("led")["upto"] == frame + 3
         stream.unlead(solver.digest())
         assert text("unlead")["digest"] == solver.digest()
 

@@ -54,6 +54,7 @@ class Tab:
 
     async def lead(self) -> None:
         """Take over in the state of the session."""
+        self.session.play()
         await self.session.lead(self.mailbox)
         begun = await self.text("lead")
         frame, digest, _ = await self.session.start_file()
@@ -188,6 +189,7 @@ async def test_a_silent_tab_leads_no_longer(monkeypatch: pytest.MonkeyPatch) -> 
         session = await manager.create(SOURCE)
         with session.viewer() as mailbox:
             tab = Tab(session, mailbox, MpmSolver(SCENE))
+            session.play()
             await session.lead(mailbox)
             assert "silent" in (await tab.text("unlead"))["reason"]
             await until(lambda: session.view.frame > 3)
@@ -222,6 +224,9 @@ async def test_one_tab_leads_and_in_order() -> None:
     async with _manager() as manager:
         session = await manager.create(SOURCE)
         with session.viewer() as mailbox, session.viewer() as other:
+            with pytest.raises(LeadRefusedError, match="send play first"):
+                await session.lead(mailbox)
+            session.play()
             session.push(push((0.5, 0.4), (0.0, 1.0), 0.12), by=other)
             with pytest.raises(LeadRefusedError, match="another viewer's hand"):
                 await session.lead(mailbox)
@@ -249,6 +254,7 @@ async def test_one_tab_leads_and_in_order() -> None:
             SceneSource(data=FINE), choice=SolverChoice(solver="neural", model="fluids_2d")
         )
         with network.viewer() as mailbox:
+            network.play()
             with pytest.raises(LeadRefusedError, match="networks run on servers"):
                 await network.lead(mailbox)
             with pytest.raises(LeadRefusedError, match="networks run on servers"):
@@ -301,35 +307,44 @@ def test_a_stream_takes_the_commands(service: Service) -> None:
     path = service.create()
     with service.stream(path, "2") as stream, service.stream(path, "2") as other:
         stream.send(type="lead")
+        assert "send play first" in stream.text("problem")["detail"]
+        stream.send(type="play")
+        stream.send(type="lead")
         begun = stream.text("lead")
-        assert (begun["frame"], begun["push"], begun["types"]) == (0, None, [5])
+        first = begun["frame"]
+        assert (begun["push"], begun["types"]) == (None, [5])
         answer = service.http.get(f"{path}/start")
         assert answer.headers["content-type"] == "application/x-hybridmpm-start"
         assert answer.headers["etag"] == f'"{begun["digest"]}"'
         solver = MpmSolver(SCENE)
+        solver.advance(first)
         assert answer.content.startswith(b"HMPMPLAY")
         other.status(led=True, playing=True)
         hand = {"point": [0.5, 0.4], "velocity": [1, 0.5], "radius": 0.1, "cap": 15}
-        stream.send(type="led", upto=6, inputs=[{"frame": 2, "push": hand}, {"frame": 5, "push": None}])
-        assert stream.text("led")["upto"] == 6
+        inputs = [{"frame": first + 2, "push": hand}, {"frame": first + 5, "push": None}]
+        stream.send(type="led", upto=first + 6, inputs=inputs)
+        assert stream.text("led")["upto"] == first + 6
         solver.advance(2)
         solver.advance(3, push((0.5, 0.4), (1, 0.5), 0.1))
         solver.advance(1)
-        assert other.reach(6).number == 6
-        far: dict[str, Any] = {"type": "led", "upto": 9}
+        assert other.reach(first + 6).number == first + 6
+        far: dict[str, Any] = {"type": "led", "upto": first + 9}
         for bad, field in (
             ({"type": "led", "upto": -1}, "upto"),
-            (far | {"inputs": [{"frame": 7, "push": hand | {"point": [0.5]}}]}, "inputs[0].push.point"),
-            (far | {"inputs": [{"frame": 7, "push": hand | {"point": [0.5, 2]}}]}, "inputs[0].push.point[1]"),
+            (
+                far | {"inputs": [{"frame": first + 7, "push": hand | {"point": [0.5]}}]},
+                "inputs[0].push.point",
+            ),
+            (far | {"inputs": [{"frame": first + 7, "push": hand | {"point": [0.5, 2]}}]}, "push.point[1]"),
             ({"type": "unlead", "digest": "x"}, "digest"),
         ):
             stream.send(**bad)
             assert field in stream.text("problem")["detail"]
-        other.send(type="led", upto=9)
+        other.send(type="led", upto=first + 9)
         assert stream_problem(other) == "urn:hybridmpm:problem:lead-refused"
         stream.send(type="unlead", digest=solver.digest())
         ended = stream.text("unlead")
-        assert (ended["frame"], ended["digest"]) == (6, solver.digest())
+        assert (ended["frame"], ended["digest"]) == (first + 6, solver.digest())
         other.status(led=False, playing=True)
         stream.send(type="lead")
         stream.text("lead")

@@ -1,6 +1,6 @@
 // The frames of a session, computed in this tab: the solver as a WebAssembly module, at a pace, under a hand.
 
-import { encodeFrame } from "./protocol.js";
+import { encodeFrame } from "./lead-frames.js";
 
 const TICK_MS = 1000 / 60; // no screen shows more pictures
 const TURN_MS = 25; // longest time of a turn: a hand that waits acts in the next frame

@@ -1,10 +1,11 @@
 // The frames of a session computed in this tab, in a worker, as long as it keeps the pace; the server follows.
 
-import { numberOf } from "./protocol.js";
+import { numberOf } from "./lead-frames.js";
 
 const AGAIN_MS = 5000; // after a refusal, or another viewer's command
 const PLANNED_MS = 500; // until the server knows what the lead was ended for
 const REFUSED = "urn:hybridmpm:problem:lead-refused";
+const NO_SCOPE = "urn:hybridmpm:problem:scope-missing";
 const READ_ONLY = new Set(["play", "speed"]); // commands that change no state
 
 /**
@@ -106,7 +107,8 @@ export class Lead {
 
   /** Whether a problem is the refusal of what this asked for. */
   refuses(type) {
-    if (type !== REFUSED) return false;
+    if (type === NO_SCOPE && this.#phase === "asked") this.#broken = true; // the key lets this page only watch
+    else if (type !== REFUSED) return false;
     if (this.#phase === "asked") this.#toServer();
     this.#notBefore = performance.now() + AGAIN_MS;
     return true;

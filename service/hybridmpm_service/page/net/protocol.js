@@ -1,13 +1,13 @@
 // Decoding of the messages that docs/reference/http-api.md describes. Pure functions: bytes in, plain values out.
 
-const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
+export const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
 /** Version of the frames that this page asks for. */
 export const VERSION = 2;
-const KIND_POSITIONS = 1;
-const NUMBERS_U16 = 1;
-const HEADER_BYTES = 32;
+export const KIND_POSITIONS = 1;
+export const NUMBERS_U16 = 1;
+export const HEADER_BYTES = 32;
 const FLAG_STEERED = 1;
-const FLAG_POPULATION = 2;
+export const FLAG_POPULATION = 2;
 
 /** Types of particles, in DeepMind's numbering. */
 export const WATER = 5;
@@ -58,51 +58,7 @@ export function decodeFrame(buffer) {
   };
 }
 
-/** The number of an encoded frame. */
-export const numberOf = (buffer) => Number(new DataView(buffer).getBigUint64(8, true));
-
 /** The particle types of the hello message, one byte each; null where each frame has its own. */
 export function decodeTypes(base64) {
   return base64 === null ? null : Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
-}
-
-/**
- * The bytes of a frame that this tab has computed, as the stream would have sent them.
- *
- * @param positions Float32Array, count x dim [m]
- * @param length longest side of the world [m]
- * @param population {ids: BigUint64Array, types: Uint8Array of indices, typeOf: types by index}; null where particles
- *   neither come nor go
- */
-export function encodeFrame({ frame, time, solverMs, positions, dim, length, population }) {
-  const count = positions.length / dim;
-  const start = HEADER_BYTES + (population === null ? 0 : 4 * count);
-  const end = start + 2 * count * dim;
-  const buffer = new ArrayBuffer(end + (population === null ? 0 : count));
-  const view = new DataView(buffer);
-  view.setUint32(0, MAGIC, true);
-  view.setUint8(4, VERSION);
-  view.setUint8(5, KIND_POSITIONS);
-  view.setUint16(6, population === null ? 0 : FLAG_POPULATION, true);
-  view.setBigUint64(8, BigInt(frame), true);
-  view.setFloat64(16, time, true);
-  view.setUint32(24, count, true);
-  view.setUint8(28, dim);
-  view.setUint8(29, NUMBERS_U16);
-  view.setUint16(30, Math.min(Math.round(100 * solverMs), 65535), true);
-  const numbers = new Uint16Array(buffer, start, count * dim);
-  const scale = 65535 / length;
-  for (let i = 0; i < numbers.length; i += 1) {
-    numbers[i] = Math.min(Math.max(positions[i] * scale + 0.5, 0), 65535);
-  }
-  if (population !== null) {
-    const { ids, types, typeOf } = population;
-    const words = new Uint32Array(ids.buffer, ids.byteOffset, 2 * count); // the lower one of each id first
-    const [idsOut, typesOut] = [new Uint32Array(buffer, HEADER_BYTES, count), new Uint8Array(buffer, end, count)];
-    for (let i = 0; i < count; i += 1) {
-      idsOut[i] = words[2 * i];
-      typesOut[i] = typeOf[types[i]];
-    }
-  }
-  return buffer;
 }

@@ -2,7 +2,6 @@
 
 import { abandon, at, Problem, request, requestEvents, requestFile } from "./api.js";
 import { protocols } from "./key.js";
-import { Lead } from "./lead.js";
 import { VERSION } from "./protocol.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
@@ -21,7 +20,8 @@ export class SessionClient {
   #owned = false;
   #watches = false; // whether nothing may be sent that changes the session
   #state = "connecting";
-  #lead = null; // computes the frames in this tab; null where the server always does so
+  #lead = null; // computes the frames in this tab; null where the server does so, and until it is loaded
+  #hello = null; // the latest greeting
   path = null;
 
   /**
@@ -32,17 +32,29 @@ export class SessionClient {
   constructor(handlers, mayLead) {
     this.#handlers = handlers;
     if (!mayLead || typeof WebAssembly === "undefined" || typeof Worker === "undefined") return;
+    this.#loadLead();
+  }
+
+  async #loadLead() {
+    const { Lead } = await import("./lead.js");
+    const { onFrame: frame, onHome: changed, lengthOf } = this.#handlers;
     this.#lead = new Lead({
       send: (message) => this.#state === "live" && this.#socket.send(JSON.stringify(message)),
       start: async () => (await requestFile(`${this.path}/start`)).arrayBuffer(),
-      frame: (buffer) => handlers.onFrame(buffer),
-      changed: (isHere) => handlers.onHome(isHere),
-      lengthOf: handlers.lengthOf,
+      frame,
+      changed,
+      lengthOf,
     });
+    if (this.#state === "live" && !this.#watches) this.#lead.show(this.#hello);
   }
 
   get state() {
     return this.#state;
+  }
+
+  /** Whether this tab computes the frames. */
+  get isHere() {
+    return this.#lead?.isHere ?? false;
   }
 
   /** Leave the present session and create another one, of {scenario, seed, solver, coarse}, {scene} or {log}. */
@@ -234,6 +246,7 @@ export class SessionClient {
     if (message.type === "hello") {
       this.#attempt = 0;
       this.#enter("live");
+      this.#hello = message;
       this.#handlers.onHello(message);
       if (!this.#watches) this.#lead?.show(message);
     } else if (message.type === "status") {

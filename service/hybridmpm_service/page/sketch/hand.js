@@ -29,7 +29,7 @@ export class Hand {
   #handlers;
 
   /** @param handlers {speed() -> simulated seconds per second, cap() -> largest acceleration [g],
-   *   push({point, velocity, radius, cap}), end(), changed()} */
+   *   isHere() -> whether this tab simulates, push({point, velocity, radius, cap}), end(), changed()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -47,6 +47,8 @@ export class Hand {
     if (this.point === null) return;
     this.#samples = [...this.#samples, ...samples].slice(-64);
     this.point = samples.at(-1).point;
+    // No network lies between: each move acts in the next frame.
+    if (this.#handlers.isHere()) this.#send();
     this.#handlers.changed();
   }
 
