@@ -27,6 +27,7 @@ _KEYS = 100
 """Keys in the file; the last one is used."""
 _DEPLOY = Path(__file__).parents[3] / "service" / "deploy"
 _SPEEDS = (0.2, 0.3)
+_FAST = ("--max-messages-per-second", "100000", "--max-messages-at-once", "100000")
 
 
 def costs(repeats: int) -> Iterator[tuple[str, float, float | None]]:
@@ -42,8 +43,8 @@ def costs(repeats: int) -> Iterator[tuple[str, float, float | None]]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory()))
         token = [add(folder / "keys", f"key-{number}", "view,steer,create") for number in range(_KEYS)][-1]
-        plain = stack.enter_context(running())
-        keyed = stack.enter_context(running("--keys", str(folder / "keys")))
+        plain = stack.enter_context(running(*_FAST))
+        keyed = stack.enter_context(running(*_FAST, "--keys", str(folder / "keys")))
         ways = {
             "without keys": (plain.port, None, plain),
             "with keys": (keyed.port, token, keyed),
