@@ -162,13 +162,26 @@ def test_a_coarse_frame_that_fails_is_done_again_as_by_the_library(show: Show) -
     assert advanced(page, 30) == solver.digest()
 
 
-@pytest.mark.parametrize("case", ["arrow", "oval", "ramps", "body", "coarse", "space"])
+TANK = Scene.parse(
+    {
+        "dim": 2,
+        "resolution": 64,
+        "world": {"size": [1.5, 1.0]},
+        "bodies": [{"shape": "box", "material": "water", "lower": [0.2, 0.0], "upper": [0.6, 0.4]}],
+        "obstacles": [{"shape": "box", "lower": [0.75, 0.0], "upper": [0.8, 0.2]}],
+    }
+)
+"""A world that is not of one metre: ways and rooms are in units of it."""
+
+
+@pytest.mark.parametrize("case", ["arrow", "oval", "ramps", "body", "coarse", "space", "tank"])
 def test_material_follows_a_sketch_with_the_bits_of_the_library(show: Show, case: str) -> None:
     sketch: Arrow | Ellipse = Arrow(points=np.array([[0.35, 0.35], [0.6, 0.65]]))
     if case == "oval":
         sketch = Ellipse(center=(0.5, 0.6), axes=(0.15, 0.12), angle=0.0)
     name = {"ramps": "water_ramps_2d", "space": "water_3d"}.get(case, "water_2d")
-    solver = MpmSolver(scenarios.get(name, 3), coarse="1/16" if case == "coarse" else None)
+    scene = TANK if case == "tank" else scenarios.get(name, 3)
+    solver = MpmSolver(scene, coarse="1/16" if case == "coarse" else None)
     planned = solver.copy()
     planned.advance(10)
     who = 0 if case == "body" else None
