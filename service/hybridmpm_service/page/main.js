@@ -243,7 +243,9 @@ function showSession(hello) {
   shown.who = null;
   steering.clear();
   tools.setScene(shown.scene);
-  showFindings(hello.session.findings);
+  // What a show piece costs is no fault of the visitor.
+  const isShown = ({ severity }) => severity !== "note" || shown.place.gallery === undefined;
+  showFindings(hello.session.findings.filter(isShown));
   const { scenario: from, seed: drawn } = hello.session;
   document.title = `${from ? `${titleOf(from)}, seed ${drawn}` : capitalised(shown.scene.name || "your scene")} - hybridmpm`;
   if (!hello.session.scenario) {
