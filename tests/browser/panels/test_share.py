@@ -169,9 +169,11 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     assert service.get(f"/v1/sessions/{player.session}/log")["inputs"] == inputs
     # What steers is drawn for the viewer as well, and for the player after a reload.
     player.press_until("o", "body.tool === 'oval'")
+    player.page.locator("#speed").fill("-2")
     player.page.locator("#hold").fill("100")
     player.drag([(0.35, 0.4), (0.65, 0.7)])
     player.wait_for("body.control === 'following'")
+    player.press_until("Space", "body.playing === 'false'")
     viewer.wait_for("body.seen === 'ellipse'")
     viewer.eventually(lambda: viewer.page.evaluate(_GREENS) > 100)
     player.page.reload()
