@@ -90,9 +90,9 @@ def test_another_scenario_replaces_the_session(open_page: Open, service: LiveSer
 def test_leaving_the_page_lets_the_session_end(open_page: Open, service: LiveService) -> None:
     visit = open_page(until=LIVE)
     session = visit.session
-    with visit.page.expect_request(lambda one: one.method == "DELETE") as left:
-        visit.page.goto("about:blank")
-    assert left.value.url == f"{service.url}/v1/sessions/{session}?after=60"
+    assert service.get(f"/v1/sessions/{session}")["playing"]
+    # Browsers report no request of a page that is left; what it does is seen.
+    visit.page.goto("about:blank")
     visit.eventually(lambda: not service.get(f"/v1/sessions/{session}")["playing"])
 
 

@@ -163,6 +163,12 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
         lambda points: _native.least_acceleration(points, (0, 0), (0, 0), 1.0).times,
         {"points": X[:5].astype(float)},
     ),
+    "push_force": (
+        lambda **a: _native.push_force(
+            **a, point=(0.5, 0.5), velocity=(1, 0), radius=0.3, cap=15.0, frame_dt=0.0025
+        ),
+        {"x": X, "v": V},
+    ),
     "Tracks.__new__": (lambda **a: _tracks(**a).force(X, V, ONE, 0.3), TRACKS),
     "Tracks.force": (lambda **a: _tracks(**TRACKS).force(time=0.3, **a), FORCED),
 }
