@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web wheel release clean
+.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web licences wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -21,6 +21,11 @@ lock: $(VENV)/.venv ## choose anew the versions that serve, with their hashes, i
 	$(BIN)/pip install --quiet 'uv>=0.9,<1'
 	$(BIN)/python -c "$$NEEDED" | $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 \
 	--generate-hashes --no-annotate --custom-compile-command 'make lock' --output-file service/requirements.txt -
+
+# cargo-about reads the crates that are on this machine: cargo install cargo-about --locked --features cli
+licences: ## write the licences of the crates in the compiled module anew, after Cargo.lock has changed
+	cargo about generate --locked --offline --fail --config rust/licences/about.toml \
+	--manifest-path rust/bindings/Cargo.toml rust/licences/about.hbs | sed 's/[ \t]*$$//' >rust/licences/THIRD-PARTY.txt
 
 dev: setup $(VENV)/.dev ## what tests, linters and the laboratory need besides
 

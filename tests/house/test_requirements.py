@@ -1,8 +1,9 @@
-"""Imports: public names only, declared, and locked with hashes."""
+"""Imports: public names only, declared, and locked with hashes; licences of what is compiled in."""
 
 import ast
 import importlib
 import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -126,3 +127,20 @@ def test_the_service_imports_public_names_of_the_library_alone() -> None:
 )
 def test_the_rule_tells_public_names_from_others(statement: str, *, public: bool) -> None:
     assert all(is_public(*one) for one in library_imports(statement)) == public
+
+
+def test_the_licence_of_each_crate_in_the_module_is_in_the_wheel() -> None:
+    command = ["cargo", "tree", "--locked", "--package", "hybridmpm-bindings", "--edges", "normal"]
+    listed = subprocess.run(
+        [*command, "--prefix", "none", "--format", "{p}"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.splitlines()
+    crates = {tuple(line.split()[:2]) for line in listed if not line.startswith("hybridmpm-")}
+    texts = (ROOT / "rust" / "licences" / "THIRD-PARTY.txt").read_text(encoding="utf-8")
+    missing = [f"{name} {version}" for name, version in crates if f"\n- {name} {version[1:]}" not in texts]
+    assert missing == [], "make licences"
+    assert len(crates) > 20
+    assert "rust/licences/THIRD-PARTY.txt" in _project("pyproject.toml")["license-files"]
