@@ -265,6 +265,7 @@ def _with_keys(document: dict[str, Any], operations: Sequence[APIRoute]) -> None
         need = need_of(route)
         for method in route.methods or ():
             operation = document["paths"][route.path][method.lower()]
-            operation["security"] = [] if need == "nothing" else [{"key": [need]}]
+            # The first of the two is for a service without keys.
+            operation["security"] = [] if need == "nothing" else [{}, {"key": [need]}]
             for status in () if need == "nothing" else (401, 403, *((429,) if need == "create" else ())):
                 operation["responses"][str(status)] = refusals[status]

@@ -194,6 +194,7 @@ def test_a_node_is_drained_and_its_sessions_move(cluster: Cluster) -> None:
     assert cluster.digest(moved["id"]) == log["digest"]
 
 
+@pytest.mark.long
 def test_keys_hold_in_all_nodes_and_after_a_crash(
     start_cluster: Callable[..., Cluster], tmp_path: Path
 ) -> None:

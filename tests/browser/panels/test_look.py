@@ -2,7 +2,7 @@
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, WIDTHS, LiveService, Open, Visit
+from tests.browser.conftest import WIDTHS, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -60,7 +60,8 @@ def test_particles_are_coloured_by_what_is_chosen(
     assert fallen["violet"] > 0.8 * fallen["any"] > 0
     visit.page.get_by_label("Colour particles by").select_option("Density")
     visit.page.reload()
-    visit.wait_for(LIVE)
+    # The session is the same, and still at its start.
+    visit.wait_for("body.state === 'live'")
     expect(visit.page.locator("#scale-title")).to_have_text("Density")
     assert visit.page.evaluate("document.documentElement.scrollWidth") == width
 
