@@ -18,6 +18,7 @@ def service() -> Iterator[LiveService]:
         yield live
 
 
+@pytest.mark.long
 def test_a_restarted_server_computes_the_session_again(open_page: Open, service: LiveService) -> None:
     visit = open_page(until="body.state === 'live' && Number(body.frame) > 5")
     visit.drag([(0.4, 0.3), (0.6, 0.35)])

@@ -34,7 +34,11 @@ def test_sparse_matter_that_is_dropped_gains_no_energy(kind: str, dim: int) -> N
         assert energy(solver) <= start * (1 + 1e-4)
 
 
-@pytest.mark.parametrize("material", ["sand", "water", Elastic()], ids=["sand", "water", "elastic"])
+@pytest.mark.parametrize(
+    "material",
+    ["sand", "water", pytest.param(Elastic(), marks=pytest.mark.long)],
+    ids=["sand", "water", "elastic"],
+)
 @pytest.mark.parametrize("free", [0.0, 0.03])
 def test_a_full_box_gains_little_energy(free: float, material: str | Elastic) -> None:
     """Sand stores the errors of its density, .5 % of its weight's energy in 2 s."""

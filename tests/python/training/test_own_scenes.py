@@ -94,6 +94,7 @@ def test_physics_of_a_scene_file_runs_on_that_scene(folder: Path) -> None:
         NeuralPhysics(Scene.parse({**other, "frames": 9}), file)
 
 
+@pytest.mark.long
 def test_control_of_a_data_set_serves_that_scene(folder: Path) -> None:
     """An export keeps the description: test_transport.py."""
     checkpoint = trained(folder, "control", "--dataset", folder / "examples", "--width", 4)

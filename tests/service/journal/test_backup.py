@@ -6,9 +6,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from tests.service.conftest import WAIT_SECONDS, Service
 
 
+@pytest.mark.long
 def test_a_copy_of_a_running_service_restores_each_session_with_its_bits(
     start: Callable[..., Service], tmp_path: Path
 ) -> None:

@@ -175,7 +175,8 @@ def test_what_another_process_cannot_read_is_told(root: Path) -> None:
         supply.take()
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("dim", [2, 3])
 def test_the_command_trains_and_the_export_answers_alike(
     root: Path, six: list[pasts.Past], four: list[pasts.Past], tmp_path: Path, dim: int
 ) -> None:
