@@ -1,5 +1,6 @@
 """What an operator sees: metrics, a line in the log for each request, identifiers, the dashboard."""
 
+import asyncio
 import json
 import logging
 import logging.config
@@ -10,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from starlette.types import Message, Receive, Scope, Send
 from tests.service.conftest import WAIT_SECONDS, Service
 
-from hybridmpm_service.http.observed import log_config
+from hybridmpm_service import Settings, create_app
+from hybridmpm_service.http.observed import ObservedMiddleware, log_config
 
 DASHBOARD = Path(__file__).parents[3] / "service" / "deploy" / "grafana.json"
 
@@ -143,3 +146,24 @@ def test_metrics_are_for_this_machine_unless_a_setting_says_otherwise(start: Cal
     assert service.http.head("/metrics").status_code == 200
     assert start(metrics="all").http.get("/metrics", headers=away).status_code == 200
     assert start(metrics="off").http.get("/metrics").status_code == 404
+
+
+def test_a_request_counts_before_its_answer_has_left() -> None:
+    counted: list[float] = []
+    metrics = create_app(Settings()).state.metrics
+
+    async def app(_scope: Scope, _receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b"x"})
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.body":
+            counted.append(metrics.requests.labels("GET", "page", 200)._value.get())
+
+    async def receive() -> Message:
+        return {"type": "http.request"}
+
+    scope = {"type": "http", "method": "GET", "path": "/x", "headers": [], "client": ("127.0.0.1", 1)}
+    asyncio.run(ObservedMiddleware(app, metrics, ())(scope, receive, send))
+    assert counted == [1.0]
+    assert metrics.requests.labels("GET", "page", 200)._value.get() == 1.0

@@ -85,3 +85,16 @@ async def test_bytes_of_a_stream_are_read_in_order_though_new_ones_come_while_pi
     assert b"".join(seen) == total
     assert max(map(len, seen)) <= 1024
     assert states[-1] == "reads"
+
+    async def received(self: WebSocketsSansIOProtocol) -> Any:
+        self.transport.resume_reading()
+        return "message"
+
+    # A message that the application takes makes uvicorn read on, though pieces wait.
+    monkeypatch.setattr(WebSocketsSansIOProtocol, "receive", received)
+    protocol.data_received(bytes(3000))
+    assert await protocol.receive() == "message"
+    assert states[-1] == "paused"
+    await until(lambda: sum(map(len, seen)) == len(total) + 3000)
+    assert await protocol.receive() == "message"
+    assert states[-1] == "reads"
