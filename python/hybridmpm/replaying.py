@@ -54,59 +54,67 @@ def replay(log: str | Path | Mapping[str, Any], frame: int | None = None, *, thr
     SceneError, ConfigError, SketchError, SimulationError
         The scene, the simulator or a sketch is refused, or a frame fails.
     """
-    given = _read(log)
-    last = given["frame"] if frame is None else frame
-    if not 0 <= last <= given["frame"]:
-        raise DataError(f"frame must be in [0, {given['frame']}], where the log ends; got {last}")
-    simulator = simulators.make(
-        given["solver"],
-        Scene.parse(given["scene"]),
-        threads=threads,
-        **{name: given.get(name) for name in ("coarse", "model", "r_c")},
-    )
-    run = _Run(simulator, given["inputs"])
-    try:
-        run.advance(last)
-    except (KeyError, TypeError, IndexError) as err:
-        raise DataError(f"an input of the log is malformed ({type(err).__name__}: {err})") from err
-    if last == given["frame"] and simulator.digest() != given["digest"]:
-        made_by = given.get("versions", {}).get("solver")
-        reason = (
-            f"version {made_by} of the solver made it, this is version {SOLVER_VERSION}"
-            if made_by != SOLVER_VERSION
-            else "it was changed, or made where arithmetic differs"
+    run = Run(log, threads=threads)
+    last = run.last if frame is None else frame
+    if not 0 <= last <= run.last:
+        raise DataError(f"frame must be in [0, {run.last}], where the log ends; got {last}")
+    run.advance(last)
+    return run.simulator
+
+
+class Run:
+    """A simulator with the inputs of a log, which act in their frames.
+
+    Parameters, warnings and errors are those of `replay`.
+    """
+
+    def __init__(self, log: str | Path | Mapping[str, Any], *, threads: int = 1) -> None:
+        given = _read(log)
+        self._given, self._inputs = given, given["inputs"]
+        self.last: int = given["frame"]
+        """Frame at which the log ends."""
+        self.simulator: Simulator = simulators.make(
+            given["solver"],
+            Scene.parse(given["scene"]),
+            threads=threads,
+            **{name: given.get(name) for name in ("coarse", "model", "r_c")},
         )
-        warnings.warn(
-            f"the state is not the one that the log ends with: {reason}", ReplayWarning, stacklevel=2
-        )
-    return simulator
-
-
-class _Run:
-    """A simulator with the inputs of a log, which act in their frames."""
-
-    def __init__(self, simulator: Simulator, inputs: list[dict[str, Any]]) -> None:
-        self._simulator, self._inputs = simulator, inputs
+        """The simulator, which only `advance` may advance."""
         self._plans: dict[int, Guidance] = {}
         self._guidance: Guidance | None = None
-        self._done = 0
+        self._done = self._place = 0
         self._hand: Push | None = None
 
     def advance(self, last: int) -> None:
         """Advance to a frame; what acts from it on is left out."""
-        place = 0
-        for now in range(self._simulator.frame, last):
-            for number, sketch in self._drawn_at(now):
-                settings = sketch["settings"]
-                self._plans[number] = prepare(self._simulator.copy(), _sketch(sketch["sketch"]), **settings)
-            while place < len(self._inputs) and self._inputs[place]["frame"] == now:
-                self._act(place)
-                place += 1
-            self._simulator.advance(1, self._force())
-            if self._guidance is not None:
-                self._done += 1
-                if self._done >= self._guidance.total_frames:
-                    self._guidance = None
+        try:
+            for now in range(self.simulator.frame, last):
+                self._frame(now)
+        except (KeyError, TypeError, IndexError) as err:
+            raise DataError(f"an input of the log is malformed ({type(err).__name__}: {err})") from err
+        if last == self.last and self.simulator.digest() != self._given["digest"]:
+            made_by = self._given.get("versions", {}).get("solver")
+            reason = (
+                f"version {made_by} of the solver made it, this is version {SOLVER_VERSION}"
+                if made_by != SOLVER_VERSION
+                else "it was changed, or made where arithmetic differs"
+            )
+            warnings.warn(
+                f"the state is not the one that the log ends with: {reason}", ReplayWarning, stacklevel=3
+            )
+
+    def _frame(self, now: int) -> None:
+        for number, sketch in self._drawn_at(now):
+            settings = sketch["settings"]
+            self._plans[number] = prepare(self.simulator.copy(), _sketch(sketch["sketch"]), **settings)
+        while self._place < len(self._inputs) and self._inputs[self._place]["frame"] == now:
+            self._act(self._place)
+            self._place += 1
+        self.simulator.advance(1, self._force())
+        if self._guidance is not None:
+            self._done += 1
+            if self._done >= self._guidance.total_frames:
+                self._guidance = None
 
     def _drawn_at(self, frame: int) -> Iterator[tuple[int, dict[str, Any]]]:
         """Return the sketches that were planned for the state of a frame, with their places."""
@@ -127,13 +135,13 @@ class _Run:
 
     def _force(self) -> Any:
         """Return the force of sketch and hand in the next frame."""
-        acting = [] if self._guidance is None else [self._guidance.law.force(self._simulator, self._done)]
+        acting = [] if self._guidance is None else [self._guidance.law.force(self.simulator, self._done)]
         if self._hand is not None:
-            acting.append(self._hand(self._simulator))
+            acting.append(self._hand(self.simulator))
         acting = [force for force in acting if force is not None]
         if len(acting) < 2:
             return acting[0] if acting else None
-        return total_force(acting, self._simulator.ids, self._simulator.dim)
+        return total_force(acting, self.simulator.ids, self.simulator.dim)
 
 
 def _sketch(record: Mapping[str, Any]) -> Sketch:

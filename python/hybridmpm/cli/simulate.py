@@ -1,6 +1,7 @@
 """`hybridmpm simulate`: run a scene and write recordings, pictures, films and snapshots."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -29,8 +30,12 @@ from hybridmpm.physics.load import model_for
 from hybridmpm.planner import AutoSolver
 from hybridmpm.playing import play
 from hybridmpm.recording import Recording, record
+from hybridmpm.replaying import Run
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
+
+_SETTINGS = ("scenario", "scene_file", "seed", "kind", "substeps", "coarse", "budget_ms", "r_c")
+"""Options for scene and settings."""
 
 
 @click.command()
@@ -50,10 +55,17 @@ from hybridmpm.simulator import Kind, Simulator
     help="Snapshot that --save wrote, to continue with its scene and settings.",
 )
 @click.option(
+    "--run",
+    "run_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Run that the page saved, to compute again from its start with the sketches and pushes in it.",
+)
+@click.option(
     "--frames",
     type=click.IntRange(0, 1_000_000),
     help="Number of frames to simulate. Default: the number that the scene suggests, less those done "
-    "before --resume.",
+    "before --resume, or all of --run.",
 )
 @substeps_option("cfl")
 @click.option(
@@ -111,6 +123,7 @@ def simulate(
     scene_file: Path | None,
     seed: int,
     resume_file: Path | None,
+    run_file: Path | None,
     frames: int | None,
     substeps: Substeps,
     coarse: str | None,
@@ -127,7 +140,7 @@ def simulate(
     text_file: Path | None,
     strip: int,
 ) -> None:
-    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or continue with --resume.
+    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, --resume one, or repeat a --run.
 
     The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
     a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
@@ -139,8 +152,15 @@ def simulate(
     pages, targets = _pages_and_others(targets, text_file)
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
-    if resume_file is not None:
-        _refuse_beside_resume(ctx)
+    run = None
+    if run_file is not None:
+        _refuse_beside(ctx, "--run computes", ("resume_file", *_SETTINGS))
+        run = Run(run_file, threads=threads)
+        solver = run.simulator
+        if (frames := run.last if frames is None else frames) > run.last:
+            raise click.UsageError(f"--frames must be at most {run.last}, where the run ends.")
+    elif resume_file is not None:
+        _refuse_beside(ctx, "--resume continues", _SETTINGS)
         solver = simulators.load(resume_file, model=model, threads=threads)
     elif budget_ms is not None:
         _refuse_beside_budget(ctx)
@@ -165,7 +185,17 @@ def simulate(
         _write_page(solver, page, scenario or (scene_file or page).stem, text_file)
     if targets or save_file is not None or not pages:
         name = scenario or "fluid"
-        _run(solver, frames, every=every, targets=targets, save_file=save_file, style=style, name=name)
+        advance = None if run is None else run.advance
+        _run(
+            solver,
+            frames,
+            every=every,
+            targets=targets,
+            save_file=save_file,
+            style=style,
+            name=name,
+            advance=advance,
+        )
 
 
 def _run(
@@ -177,6 +207,7 @@ def _run(
     save_file: Path | None,
     style: export.Style,
     name: str,
+    advance: Callable[[int], object] | None,
 ) -> None:
     """Simulate frames, by default those that the scene suggests, and write the files."""
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
@@ -189,7 +220,7 @@ def _run(
     with signals.raising_at_end():
         try:
             with progress(f"Simulating {frames} frames", frames) as bar:
-                recording = record(solver, frames, every=every, on_progress=bar.update)
+                recording = record(solver, frames, every=every, on_progress=bar.update, advance=advance)
         finally:
             # A signal leaves the state after the last whole frame, and a failed frame that before it.
             if save_file is not None:
@@ -241,22 +272,10 @@ def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
             raise click.UsageError(f"{hint}, not for {kind}.")
 
 
-def _refuse_beside_resume(ctx: click.Context) -> None:
-    """Refuse options for scene and settings, which the snapshot already has."""
-    settings = (
-        "scenario",
-        "scene_file",
-        "seed",
-        "kind",
-        "substeps",
-        "coarse",
-        "budget_ms",
-        "r_c",
-    )
+def _refuse_beside(ctx: click.Context, what: str, settings: tuple[str, ...]) -> None:
+    """Refuse options for scene and settings, which a snapshot or a run already has."""
     if given := _given(ctx, settings):
-        raise click.UsageError(
-            f"--resume continues with the scene and settings of its file; drop {given[0]}."
-        )
+        raise click.UsageError(f"{what} with the scene and settings of its file; drop {given[0]}.")
 
 
 def _refuse_beside_budget(ctx: click.Context) -> None:
@@ -284,7 +303,9 @@ def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
         return scenarios.get(scenario, seed)
     if scene_file is not None and scenario is None:
         return scene_in(scene_file, seed)
-    raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}), --scene FILE or --resume FILE.")
+    raise click.UsageError(
+        f"Give a scenario ({', '.join(scenarios.NAMES)}), --scene FILE, --resume FILE or --run FILE."
+    )
 
 
 def _summary(solver: Simulator, frames: int, seconds: float) -> str:

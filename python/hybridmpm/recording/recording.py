@@ -65,7 +65,12 @@ class Recording:
 
 
 def record(
-    solver: Simulator, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None
+    solver: Simulator,
+    frames: int,
+    *,
+    every: int = 1,
+    on_progress: Callable[[int], object] | None = None,
+    advance: Callable[[int], object] | None = None,
 ) -> Recording:
     """Advance a simulator and record its state now, after every `every` frames, and at the end.
 
@@ -79,6 +84,8 @@ def record(
         Number of frames from one recorded state to the next; the last state may follow sooner.
     on_progress : callable, optional
         Called with the number of frames done since its last call.
+    advance : callable, optional
+        Called with the frame to advance `solver` to, in place of `solver.advance`: forces may act on the way.
 
     Raises
     ------
@@ -98,7 +105,10 @@ def record(
     for row, stop in enumerate(stops):
         while solver.frame < first + stop:
             step = min(first + stop - solver.frame, _AT_ONCE)
-            solver.advance(step)
+            if advance is None:
+                solver.advance(step)
+            else:
+                advance(solver.frame + step)
             if on_progress is not None:
                 on_progress(step)
         tracks.take(row)

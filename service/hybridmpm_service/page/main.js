@@ -21,6 +21,7 @@ import { Hand } from "./sketch/hand.js";
 import { SeenSketch } from "./sketch/seen.js";
 import { Steering } from "./sketch/steering.js";
 import { lengthOf, scaled } from "./stage/units.js";
+import { Recent } from "./stage/recent.js";
 import { Stage } from "./stage/stage.js";
 import { Tools } from "./tools.js";
 
@@ -100,7 +101,19 @@ const forces = new Polled({
   },
   changed: () => stage.invalidate(),
 });
-const stage = new Stage(document.getElementById("view"), { steering, hand, presenter, seen, forces }, query.get("renderer"));
+const view = document.getElementById("view");
+const layer = (id) => document.getElementById(id);
+const stage = new Stage(
+  { backdrop: layer("backdrop"), particles: layer("particles"), overlay: layer("overlay") },
+  { steering, hand, presenter, seen, forces },
+  query.get("renderer"),
+  (aspect) => {
+    document.documentElement.style.setProperty("--aspect", aspect);
+    return view.clientWidth;
+  },
+);
+new ResizeObserver(() => stage.resize()).observe(view);
+const recent = new Recent();
 const tools = new Tools(document.getElementById("overlay"), {
   stage,
   steering,
@@ -236,6 +249,7 @@ function showSession(hello) {
   shown.id = hello.session.id;
   livePanel.showSession(shown.id);
   clearTracks();
+  recent.clear();
   shown.length = lengthOf(hello.scene);
   shown.scene = scaled(hello.scene, 1 / shown.length);
   stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing / shown.length, shown.length);
@@ -314,7 +328,9 @@ function animate(now) {
   requestAnimationFrame(animate);
   showNewest();
   if (presenter.animate(now)) refreshSteering();
-  if (stage.draw(now)) shown.drawnAt.push(now);
+  if (!stage.draw(now)) return;
+  shown.drawnAt.push(now);
+  recent.note(now, () => stage.moment);
 }
 
 /** Count the pictures of the last second, and notice silence; called twice a second. */
@@ -568,7 +584,7 @@ document.getElementById("build-open").addEventListener("click", async () => {
   const { openBuilder } = await import("./build/panel.js");
   openBuilder({ log: () => session.log(), open: openOwn });
 });
-const shared = { session, toast: messages.toast, open: openOwn, picture: () => stage.picture() };
+const shared = { session, toast: messages.toast, open: openOwn, stage, recent };
 document.getElementById("share").addEventListener("click", async ({ target }) => {
   const button = target.closest("button");
   if (button === null) return;

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from tests.service.conftest import SMALL_SCENE
 
-from hybridmpm import DataError, ReplayWarning, replay
+from hybridmpm import DataError, MpmSolver, ReplayWarning, replay
+from hybridmpm.cli import cli
 
 _OVAL = {"points": [[0.6, 0.5], [0.5, 0.6], [0.4, 0.5], [0.5, 0.4]], "kind": "ellipse"}
 
@@ -81,6 +83,14 @@ def test_the_library_computes_it_again(
     file = tmp_path / "run.json"
     file.write_text(json.dumps(pushed))
     assert replay(file, threads=2).digest() == pushed["digest"]
+    end = tmp_path / "end.hmpm"
+    done = CliRunner().invoke(cli, ["simulate", "--run", str(file), "--save", str(end)])
+    assert done.exit_code == 0, done.output
+    assert MpmSolver.load(end).digest() == pushed["digest"]
+    for more, message in [(["--frames", "40"], "at most 39"), (["--seed", "1"], "drop '--seed'")]:
+        refused = CliRunner().invoke(cli, ["simulate", "--run", str(file), *more])
+        assert refused.exit_code == 2
+        assert message in refused.output
     packed = base64.urlsafe_b64encode(gzip.compress(file.read_bytes())).decode().rstrip("=")
     assert replay(f"http://a.example/#replay={packed}").digest() == pushed["digest"]
     with pytest.warns(ReplayWarning, match="version 1 of the solver made it"):

@@ -91,18 +91,6 @@ export async function requestFile(path, accept = "*/*") {
   return response.blob();
 }
 
-/** Call `take` with each server-sent event of an address, until there are no more. Throws as `request`. */
-export async function requestEvents(path, take) {
-  const response = await call(path, { headers: { Accept: "text/event-stream" } });
-  const parts = response.body.pipeThrough(new TextDecoderStream()).getReader();
-  let text = "";
-  for (let part = await parts.read(); !part.done; part = await parts.read()) {
-    const lines = (text + part.value).split("\n");
-    text = lines.pop();
-    for (const line of lines) if (line.startsWith("data: ")) take(JSON.parse(line.slice("data: ".length)));
-  }
-}
-
 const LEAVE_SECONDS = 60; // in which a reload, or the browser's Back, finds a session again
 
 /** Leave a session, perhaps while the page closes: it ends soon, unless the page comes back to it. */

@@ -1,6 +1,6 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
-import { abandon, at, Problem, request, requestEvents, requestFile } from "./api.js";
+import { abandon, at, Problem, request, requestFile } from "./api.js";
 import { protocols } from "./key.js";
 import { VERSION } from "./protocol.js";
 
@@ -137,33 +137,9 @@ export class SessionClient {
     return request("POST", `${this.path}/fork`);
   }
 
-  /** Begin to film the next frames on a copy; answers the job. */
-  async record(settings) {
-    await this.#lead?.flush();
-    return request("POST", `${this.path}/recordings`, settings);
-  }
-
-  /** Wait until a job has ended, and tell how far it is meanwhile. */
-  async jobEnd(job, tell) {
-    let now = job;
-    const interrupted = new Problem("The film was interrupted", "The server does not answer.", 0);
-    try {
-      await requestEvents(job.links.events, (latest) => tell((now = latest)));
-    } catch {
-      throw interrupted;
-    }
-    if (now.phase === "running") throw interrupted;
-    return now;
-  }
-
   /** A link with which others watch the session: {token, until, page}. Only a service with keys makes one. */
   link() {
     return request("POST", `${this.path}/links`, {});
-  }
-
-  /** A file that a job has made. */
-  file(path) {
-    return requestFile(path);
   }
 
   /** Let no sketch steer the simulation any more. */

@@ -8,9 +8,8 @@ import { byId, setText } from "../panels/dom.js";
 
 /** Longest address that browsers and messengers pass on whole. */
 const LONGEST_LINK = 60_000;
-const FILM = { frames: 200, every: 4, format: "gif", width: 480, speed: 0.5 };
 
-let parts = null; // {session, toast, open, picture}
+let parts = null; // {session, toast, open, stage, recent}
 
 const report = (text) => setText("share-text", text);
 
@@ -57,15 +56,17 @@ const ACTIONS = {
   python: async () => copy(await asPython(await parts.session.log()), "Python for this run"),
   curl: async () => copy(asCurl(await parts.session.log(), at("/").href, present() !== null), "A shell command for this run"),
   film: async () => {
-    report("The next half second is filmed.");
-    const job = await parts.session.record(FILM);
-    const ended = await parts.session.jobEnd(job, ({ done, total }) => report(`Filming: ${done} of ${total ?? "?"}.`));
-    if (ended.phase === "failed") throw ended.problem;
-    download(await parts.session.file(ended.links.result), "hybridmpm.gif");
-    report("The film is saved.");
+    const { film } = await import("./film.js");
+    const seconds = (value) => value.toFixed(1);
+    const tell = (done, all) => report(`What was seen is filmed: ${seconds(done)} of ${seconds(all)} s.`);
+    const made = await film(parts.recent.moments, parts.stage, tell);
+    download(made.blob, `hybridmpm.${made.suffix}`);
+    report(`The film of the last ${seconds(made.seconds)} s is saved. For all of it, save the run; hybridmpm simulate --run films that.`);
   },
   picture: async () => {
-    download(await parts.picture(), "hybridmpm.png");
+    const whole = document.createElement("canvas");
+    parts.stage.paintOn(whole);
+    download(await new Promise((resolve) => whole.toBlob(resolve, "image/png")), "hybridmpm.png");
     report("The picture is saved.");
   },
   npz: () => saveParticles("npz", "Positions, velocities, types and ids are saved."),
@@ -104,7 +105,7 @@ async function open(file) {
  * Perform the action of a button of the card.
  *
  * @param button the button
- * @param given  {session, toast(problem), open(body of POST /v1/sessions), picture() -> promise of a blob}
+ * @param given  {session, toast(problem), open(body of POST /v1/sessions), stage, recent}
  */
 export async function share(button, given) {
   parts = given;

@@ -62,6 +62,11 @@ export class FlatView extends View {
     return [this.width / 2 + (x - this.center[0]) * scale, this.height / 2 - (y - this.center[1]) * scale, 0];
   }
 
+  /** A flat view has one look. */
+  get look() {
+    return {};
+  }
+
   /** Nothing moves by itself in a flat view. */
   settle() {
     return false;
@@ -121,6 +126,11 @@ export class OrbitView extends View {
     return [this.width / 2 + along(right) * scale, this.height / 2 - along(up) * scale, depth];
   }
 
+  /** From where the scene is seen. */
+  get look() {
+    return { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
+  }
+
   orbit(dx, dy) {
     this.#glide = null;
     this.yaw -= dx * 0.008;
@@ -135,15 +145,14 @@ export class OrbitView extends View {
   }
 
   #remember() {
-    this.home = { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
+    this.home = this.look;
   }
 
   /** Go to the front view, where strokes are taken, or back to where the viewer was. */
   glideTo(front, now, animated) {
     // The way to the front leaves out whole turns.
     this.yaw = Math.atan2(Math.sin(this.yaw), Math.cos(this.yaw));
-    const from = { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
-    this.#glide = { from, to: front ? FRONT : this.home, start: animated ? now : now - GLIDE_MS };
+    this.#glide = { from: this.look, to: front ? FRONT : this.home, start: animated ? now : now - GLIDE_MS };
   }
 
   /** Move on with a glide (to its end, if `now` is Infinity); true while the picture changes. */

@@ -31,7 +31,8 @@ export class Stage {
   #scene = { dim: 2, walls: { lower: [0.1, 0.1], upper: [0.9, 0.9] }, obstacles: [] };
   #types = null; // types of the particles; null where each frame has its own
   #spacing = 0.01; // distance of neighbouring particles at rest [m]
-  #element;
+  #length = 1; // longest side of the world [m]
+  #fit;
   #canvases;
   #renderer;
   #speeds = new SpeedEstimate();
@@ -46,19 +47,19 @@ export class Stage {
   #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
-  /** @param shown {steering, hand, presenter, seen, forces}: what is drawn over the particles */
-  constructor(element, shown, wantedRenderer) {
-    this.#element = element;
+  /**
+   * @param canvases {backdrop, particles, overlay}, the layers from behind
+   * @param shown {steering, hand, presenter, seen, forces}: what is drawn over the particles
+   * @param wantedRenderer as for createRenderer
+   * @param fit(aspect) -> width of a picture with this aspect [px]
+   */
+  constructor(canvases, shown, wantedRenderer, fit) {
     this.#shown = shown;
-    const { renderer, canvas } = createRenderer(element.querySelector("#particles"), wantedRenderer);
+    this.#fit = fit;
+    const { renderer, canvas } = createRenderer(canvases.particles, wantedRenderer);
     this.#renderer = renderer;
-    this.#canvases = {
-      backdrop: element.querySelector("#backdrop"),
-      particles: canvas,
-      overlay: element.querySelector("#overlay"),
-    };
-    new ResizeObserver(() => this.#resize()).observe(element);
-    this.#resize();
+    this.#canvases = { ...canvases, particles: canvas };
+    this.resize();
   }
 
   get rendererKind() {
@@ -70,29 +71,66 @@ export class Stage {
     this.#scene = scene;
     this.#types = types;
     this.#spacing = spacing;
+    this.#length = length;
     this.#speeds = new SpeedEstimate(length);
     this.#described = false;
     this.#time = 0;
     this.#frame = null;
     this.#pressure = null;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
-    this.#resize();
+    this.resize();
+  }
+
+  /** What `setScene` was called with last. */
+  get setting() {
+    return [this.#scene, this.#types, this.#spacing, this.#length];
+  }
+
+  /** All that the picture shows, for another stage of the same setting; null before the first frame. */
+  get moment() {
+    if (this.#frame === null) return null;
+    const shown = Object.entries(this.#shown).map(([name, part]) => [name, { ...part }]);
+    return {
+      frame: this.#frame,
+      speeds: this.#speeds.bytes,
+      quantity: this.#quantity,
+      pressure: this.#pressure,
+      centroid: this.#centroid,
+      look: this.view.look,
+      shown: Object.fromEntries(shown),
+    };
+  }
+
+  /** Show a moment of another stage. */
+  recall({ frame, speeds, quantity, pressure, centroid, look, shown }) {
+    [this.#quantity, this.#pressure, this.#centroid, this.#shown] = [quantity, pressure, centroid, shown];
+    Object.assign(this.view, look);
+    this.#speeds.bytes = speeds;
+    this.#describe(frame);
+    this.#updateParticles();
+    this.invalidateView();
   }
 
   /** Show a decoded frame from now on. */
   show(frame) {
-    const { dim, ids } = frame;
+    const { dim } = frame;
     const types = frame.types ?? this.#types;
     if (frame.count !== types?.length || dim !== this.#scene.dim) return;
+    this.#speeds.update(frame);
+    this.#describe(frame);
+    if (backdropMoves(this.#scene)) this.#backdropStale = true;
+    this.#updateParticles();
+  }
+
+  #describe(frame) {
+    const { dim, ids } = frame;
     if (!this.#described || ids !== null) {
+      const types = frame.types ?? this.#types;
       this.#renderer.setScene({ dim, types, ids, spacing: this.#spacing, walls: this.#scene.walls });
       this.#described = true;
     }
-    this.#speeds.update(frame);
     this.#time = frame.time;
     this.#frame = frame;
-    if (backdropMoves(this.#scene)) this.#backdropStale = true;
-    this.#updateParticles();
   }
 
   #updateParticles() {
@@ -175,9 +213,9 @@ export class Stage {
     this.invalidate();
   }
 
-  #resize() {
-    document.documentElement.style.setProperty("--aspect", this.view.aspect);
-    const width = this.#element.clientWidth;
+  /** Take the size that the picture has now. */
+  resize() {
+    const width = this.#fit(this.view.aspect);
     if (width === 0) return;
     this.view.width = width;
     const pixels = (side) => Math.round(side * Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
@@ -204,18 +242,17 @@ export class Stage {
     return true;
   }
 
-  /** The picture as it is shown, as a promise of a PNG file. */
-  picture() {
+  /** Paint the picture as it is shown onto a canvas, which takes its size, of even numbers as films need them. */
+  paintOn(canvas) {
     // What WebGL has drawn can be read only before the browser shows it.
     this.#renderer.draw(this.view);
     const { backdrop, particles, overlay } = this.#canvases;
-    const whole = document.createElement("canvas");
-    [whole.width, whole.height] = [overlay.width, overlay.height];
-    const context = whole.getContext("2d");
+    const [width, height] = [overlay.width, overlay.height].map((side) => 2 * Math.ceil(side / 2));
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const context = canvas.getContext("2d");
     context.fillStyle = GROUND;
-    context.fillRect(0, 0, whole.width, whole.height);
-    for (const layer of [backdrop, particles, overlay]) context.drawImage(layer, 0, 0);
-    return new Promise((resolve) => whole.toBlob(resolve, "image/png"));
+    context.fillRect(0, 0, width, height);
+    for (const layer of [backdrop, particles, overlay]) context.drawImage(layer, 0, 0, width, height);
   }
 
   #clear(canvas) {
