@@ -2,12 +2,9 @@
 
 import asyncio
 import contextlib
-import functools
-import hashlib
 import logging
 import time
-from collections.abc import AsyncIterator, Mapping, Sequence
-from html import escape
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +13,12 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import Response
 
 import hybridmpm
-from hybridmpm.errors import ConfigError
-from hybridmpm.playing import module
 from hybridmpm_service.errors import KeyRefusedError
-from hybridmpm_service.http import problems
-from hybridmpm_service.http.connection import (
-    SECURITY_HEADERS,
-    AccessMiddleware,
-    AnswerMiddleware,
-)
+from hybridmpm_service.http import files, problems
+from hybridmpm_service.http.connection import AccessMiddleware, AnswerMiddleware
 from hybridmpm_service.http.door import Door, client_of
 from hybridmpm_service.http.guard import Guard, need_of
 from hybridmpm_service.http.observed import REQUEST_ID, ObservedMiddleware
@@ -52,10 +43,6 @@ from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.settings import Settings
-
-PAGE = Path(__file__).parent / "page"
-"""Folder of the page's files."""
-
 
 _SWEEP_SECONDS = 30.0
 """Longest time between two searches for idle sessions."""
@@ -113,12 +100,12 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.operations = [route for route in routes if isinstance(route, APIRoute)]
     for route in routes:
         need_of(route)
-    app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
-    app.add_route("/embed", _embed, methods=["GET", "HEAD"], include_in_schema=False)
-    app.add_route("/modules/{name}.wasm", _module, methods=["GET", "HEAD"], include_in_schema=False)
+    for path in ("/", "/index.html"):
+        app.add_route(path, files.front, methods=["GET", "HEAD"], include_in_schema=False)
+    app.add_route("/embed", files.framed, methods=["GET", "HEAD"], include_in_schema=False)
     if settings.metrics != "off":
         app.add_route("/metrics", _metrics, methods=["GET", "HEAD"], include_in_schema=False)
-    app.frontend("/", directory=PAGE, fallback=None)
+    app.router.routes.append(files.FilesRoute(files.page_files()))
     # The last one added is the outermost.
     app.add_middleware(
         Door,
@@ -169,41 +156,6 @@ async def _sweep(manager: SessionManager, jobs: JobTable, seconds: float) -> Non
             _log.exception("ending idle sessions failed; trying again")
 
 
-def _front(request: Request) -> Response:
-    """Return the page; previews of links need the whole address of the picture in it."""
-    return _page(request, _index())
-
-
-def _embed(request: Request) -> Response:
-    """Return the page without its cards, for frames of this site and of the other front ends."""
-    origins = [one for one in request.app.state.settings.cors_origins if one != "null"]
-    ancestors = " ".join(("frame-ancestors 'self'", *origins))
-    policy = SECURITY_HEADERS["Content-Security-Policy"].replace("frame-ancestors 'none'", ancestors)
-    text = _index().replace("<body ", '<body data-embed="true" ', 1)
-    return _page(request, text, {"Content-Security-Policy": policy})
-
-
-def _page(request: Request, text: str, headers: Mapping[str, str] | None = None) -> Response:
-    text = text.replace("{{address}}", escape(str(request.base_url).rstrip("/")))
-    tag = f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"ETag": tag, **(headers or {})})
-    return HTMLResponse(text, headers={"ETag": tag, **(headers or {})})
-
-
-def _module(request: Request) -> Response:
-    """Return a compiled solver, which the page runs in a worker."""
-    try:
-        packed = module(request.path_params["name"])
-    except ConfigError as error:
-        raise HTTPException(404, str(error)) from None
-    tag = f'"{hashlib.sha256(packed).hexdigest()[:32]}"'
-    headers = {"ETag": tag, "Content-Encoding": "gzip", "Vary": "Accept-Encoding"}
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"ETag": tag})
-    return Response(packed, media_type="application/wasm", headers=headers)
-
-
 def _metrics(request: Request) -> Response:
     """Return the metrics, where the client may read them."""
     # Whoever comes by a proxy is elsewhere, whatever address the proxy was told.
@@ -213,11 +165,6 @@ def _metrics(request: Request) -> Response:
     if request.app.state.ring is not None and not is_local and not CALLER.get().may("view"):
         raise KeyRefusedError("metrics need a key, but for programs on this machine")
     return Response(request.app.state.metrics.text(), media_type=MEDIA_TYPE)
-
-
-@functools.cache
-def _index() -> str:
-    return (PAGE / "index.html").read_text(encoding="utf-8")
 
 
 def _document(app: FastAPI) -> None:

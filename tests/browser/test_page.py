@@ -13,6 +13,7 @@ from PIL import Image
 from playwright.sync_api import Locator, expect
 
 import hybridmpm_service
+from hybridmpm_service.http.bundle import bundled, imported
 
 from .conftest import LIVE, PATIENCE_MS, LiveService, Open
 
@@ -148,18 +149,20 @@ def test_particles_that_come_and_go_are_drawn(open_page: Open, service: LiveServ
 
 ON_DEMAND = ("build/", "gallery/", "plan/", "share/", "panels/key-panel.js", "net/lead")
 """Folders and files of parts that are loaded on demand."""
+IN_WORKERS = {"net/lead-frames.js", "net/lead-worker.js"}
+"""Parts of these that a worker loads, for which a document is missing."""
 
 
 def test_every_module_is_loaded_at_once_or_on_demand_and_the_page_stays_small() -> None:
     folder = Path(hybridmpm_service.__file__).parent / "page"
-    modules = {path.relative_to(folder).as_posix() for path in folder.rglob("*.js")}
-    html = (folder / "index.html").read_text(encoding="utf-8")
-    preloaded = set(re.findall(r'rel="modulepreload" href="([^"]+)"', html))
-    assert preloaded == {name for name in modules if name != "main.js" and not name.startswith(ON_DEMAND)}
-    files = (path for path in folder.rglob("*.*") if path.is_file())
-    at_once = (path for path in files if not path.relative_to(folder).as_posix().startswith(ON_DEMAND))
-    # 7 kB let the tab simulate, ask for keys, keep addresses and logs, and fit frames of other sites.
-    assert sum(len(gzip.compress(path.read_bytes())) for path in at_once) < 97_000
+    modules = {path.relative_to(folder).as_posix(): path.read_text("utf-8") for path in folder.rglob("*.js")}
+    start = set(imported(modules, ["main.js"]))
+    assert start == {name for name in modules if not name.startswith(ON_DEMAND)}
+    changed = bundled(modules, "main.js")
+    assert set(changed) == {"main.js"} | (set(modules) - start - IN_WORKERS)
+    others = ("index.html", "style.css", "icon.svg")
+    sent = [changed["main.js"].encode(), *((folder / name).read_bytes() for name in others)]
+    assert sum(len(gzip.compress(one)) for one in sent) < 80_000
 
 
 @pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])

@@ -26,6 +26,7 @@ from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
+from hybridmpm_lab.service.visit import visits
 
 PARTS = ("intervals", "real-time", "sketch", "push", "hostile", "restart")
 """The measurements, in their order; the others have to be chosen: they take long, or need HAProxy."""
@@ -50,7 +51,7 @@ class ServiceSettings:
     """Size and length of the measurements."""
 
     part: tuple[str, ...] = setting(
-        PARTS, "Part of the measurement.", (*PARTS, "door", "sizes", "attacks", "kills")
+        PARTS, "Part of the measurement.", (*PARTS, "door", "sizes", "visit", "attacks", "kills")
     )
     sessions: tuple[int, ...] = setting(
         (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
@@ -102,6 +103,7 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
         "restart": lambda: iter(restart(settings.kept, seconds)),
         "door": lambda: door(settings.calls),
         "sizes": lambda: sizes(seconds),
+        "visit": lambda: visit(repeats),
         "attacks": lambda: beside_attacks(seconds),
         "kills": lambda: iter(killed(settings.kills, settings.seed)),
     }
@@ -114,6 +116,12 @@ def door(calls: int) -> Iterator[Row]:
     """Measure what keys and HAProxy add to a call, and to a command of a stream."""
     for name, value, aim in costs(calls):
         yield _row(name, value, "ms", aim)
+
+
+def visit(repeats: int) -> Iterator[Row]:
+    """Measure what visits of the page cost on a fast and on a slow line."""
+    for name, value, unit, aim in visits(repeats):
+        yield _row(name, value, unit, aim)
 
 
 def beside_attacks(seconds: float) -> Iterator[Row]:

@@ -67,7 +67,7 @@ def test_kills_cost_nothing_that_was_acknowledged(tmp_path: Path, kills: int) ->
 
 @pytest.mark.long
 def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
-    parts = [word for name in ("real-time", "sketch", "restart") for word in ("--part", name)]
+    parts = [word for name in ("real-time", "sketch", "restart", "visit") for word in ("--part", name)]
     figures: Any = run(tmp_path / "service.json", *parts, "--kept", "2", "--seconds", "1", "--repeats", "3")
     # A player catches up at most a tenth of a second at once.
     assert 0 < figures["least time scale, coarse 1/16, aim 1", 8, 1] < 1.2
@@ -75,6 +75,7 @@ def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
     sketch = [figures[f"sketch to the first steered frame, {which}", 1, 1] for which in ("p50", "worst")]
     assert 0 < sketch[0] <= sketch[1]
     assert figures["restart after kill -9, until all sessions answer", 2, 0] > 0
+    assert figures["first motion, second visit at 1.6 Mbit/s, 150 ms", 1, 1] > 0.3
 
 
 def test_a_small_twin_of_the_attacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

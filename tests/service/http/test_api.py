@@ -131,6 +131,43 @@ def test_the_page_is_served_with_a_strict_policy(service: Any) -> None:
     assert "javascript" in script.headers["content-type"]
 
 
+def test_files_are_compressed_and_kept_while_they_are_the_present_ones(service: Any) -> None:
+    def get(path: str, **headers: str) -> Any:
+        return service.http.get(path, headers={"Accept-Encoding": "br, gzip", **headers})
+
+    front = get("/")
+    assert (front.headers["content-encoding"], front.headers["cache-control"]) == ("gzip", "no-cache")
+    named = re.findall(r'(?:href|src)="(page-([0-9a-f]{16})/([^"]+))"', front.text)
+    assert {"main.js", "style.css", "icon.svg"} == {name for _, _, name in named}
+    assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="(?!page-)', front.text)
+    ((digest, other),) = {(digest, digest[::-1]) for _, digest, _ in named}
+    for name in ("net/protocol.js", "style.css", "modules/plane.wasm"):
+        packed, plain = get(f"/page-{digest}/{name}"), get(f"/{name}", **{"Accept-Encoding": "gzip;q=0, br"})
+        assert packed.headers["cache-control"] == "public, max-age=31536000, immutable"
+        assert int(packed.headers["content-length"]) < 0.5 * int(plain.headers["content-length"])
+        assert packed.content == plain.content
+        assert "content-encoding" not in plain.headers
+        assert packed.headers["vary"] == plain.headers["vary"] == "Accept-Encoding"
+        assert packed.headers["etag"] != plain.headers["etag"]
+        tag = packed.headers["etag"]
+        for known, status in ((tag, 304), (f"W/{tag}, x", 304), ('"x"', 200)):
+            assert get(f"/page-{digest}/{name}", **{"If-None-Match": known}).status_code == status
+        # A page of before an update goes on, and keeps nothing.
+        late = get(f"/page-{other}/{name}")
+        assert (late.content, late.headers["cache-control"]) == (plain.content, "no-cache")
+    assert "content-encoding" not in get("/share/preview.png").headers
+    problem(service.http.post("/main.js"), 405)
+    problem(get(f"/page-{digest}/missing.js"), 404)
+    # The modules of the start are one file; each of them is there by itself, too.
+    assert get("/main.js").text.startswith("// Puts the parts together")
+    assert "export { $" in get(f"/page-{digest}/main.js").text
+    # Addresses of the service that clients make up are not kept for ever.
+    for number in range(20):
+        made_up = get("/", Host=f"localhost:{number + 1}")
+        assert f"http://localhost:{number + 1}/share/preview.png" in made_up.text
+    assert "content-encoding" not in made_up.headers
+
+
 def test_a_link_to_the_page_has_a_picture_beside_it(service: Any) -> None:
     answer = service.http.get("/")
     found = re.search(r'property="og:image" content="([^"]+)"', answer.text)

@@ -16,7 +16,8 @@ from hybridmpm_service import Settings, create_app
 from hybridmpm_service.http.guard import need_of
 from hybridmpm_service.keys.callers import SCOPES
 
-OPEN = {("GET", path) for path in ("/", "/embed", "/livez", "/readyz", "/openapi.json", "/metrics")}
+FILES = ("/", "/index.html", "/embed", "/main.js")
+OPEN = {("GET", path) for path in (*FILES, "/livez", "/readyz", "/openapi.json", "/metrics")}
 """All that is answered without a key; the last one to programs on this machine."""
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "BREW")
 
@@ -61,9 +62,6 @@ def test_no_route_but_the_open_ones_answers_without_a_key(keyed: Keyed, method: 
             assert answer.content == b"" or answer.status_code != 204
         elif ({"HEAD": "GET"}.get(one, one), path) in OPEN:
             assert answer.status_code in {200, 405}
-        elif path.startswith("/modules/"):
-            # Files of the page.
-            assert answer.status_code == 404
         else:
             assert answer.status_code == 401, (one, path)
             assert answer.headers["www-authenticate"] == "Bearer"
