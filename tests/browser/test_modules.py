@@ -36,7 +36,7 @@ def _call(page: Page, module: str, function: str, *arguments: Any) -> Any:
 
 def _decode(page: Page, message: bytes) -> Any:
     script = """async (text) => {
-      const { decodeFrame } = await import("/net/protocol.js");
+      const { decodeFrame } = await import("/frames.js");
       const frame = decodeFrame(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
       const list = (numbers) => (numbers === null ? null : [...numbers]);
       return { ...frame, positions: list(frame.positions), ids: list(frame.ids), types: list(frame.types) };
@@ -65,8 +65,8 @@ def test_scenes_are_drawn_in_lengths_of_their_world(page: Page) -> None:
         "obstacles": [obstacle],
         "emitters": [emitter],
     }
-    assert _call(page, "stage/units.js", "lengthOf", scene) == 4
-    assert _call(page, "stage/units.js", "lengthOf", {"dim": 3}) == 1
+    assert _call(page, "frames.js", "lengthOf", scene) == 4
+    assert _call(page, "frames.js", "lengthOf", {"dim": 3}) == 1
     drawn = _call(page, "stage/units.js", "scaled", scene, 0.25)
     assert drawn["walls"] == {"lower": [0, 0], "upper": [1, 0.25]}
     moved = obstacle | {"center": [0.5, 0.125], "radius": 0.1, "motion": {"velocity": [0.25, 0], "period": 3}}

@@ -1,11 +1,11 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
 import { goTo, keep, kept, placeOf } from "./address.js";
+import { decodeFrame, decodeTypes, lengthOf, ProtocolError, SAND, WATER } from "./frames.js";
 import { Problem, request } from "./net/api.js";
 import { Keeper } from "./net/keeper.js";
 import { onKeyNeeded, useLink } from "./net/key.js";
 import { Polled } from "./net/polled.js";
-import { decodeFrame, decodeTypes, ProtocolError, SAND, WATER } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
 import { Silence } from "./net/silence.js";
 import { bindAppearance, bindColours, offerPressure, showHighest } from "./panels/appearance.js";
@@ -20,7 +20,7 @@ import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.
 import { Hand } from "./sketch/hand.js";
 import { SeenSketch } from "./sketch/seen.js";
 import { Steering } from "./sketch/steering.js";
-import { lengthOf, scaled } from "./stage/units.js";
+import { scaled } from "./stage/units.js";
 import { Recent } from "./stage/recent.js";
 import { Stage } from "./stage/stage.js";
 import { Tools } from "./tools.js";

@@ -141,7 +141,7 @@ def test_files_are_compressed_and_kept_while_they_are_the_present_ones(service: 
     assert {"main.js", "style.css", "icon.svg"} == {name for _, _, name in named}
     assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="(?!page-)', front.text)
     ((digest, other),) = {(digest, digest[::-1]) for _, digest, _ in named}
-    for name in ("net/protocol.js", "style.css", "modules/plane.wasm"):
+    for name in ("frames.js", "style.css", "modules/plane.wasm"):
         packed, plain = get(f"/page-{digest}/{name}"), get(f"/{name}", **{"Accept-Encoding": "gzip;q=0, br"})
         assert packed.headers["cache-control"] == "public, max-age=31536000, immutable"
         assert int(packed.headers["content-length"]) < 0.5 * int(plain.headers["content-length"])

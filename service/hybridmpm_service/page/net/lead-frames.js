@@ -1,6 +1,6 @@
 // Encoding of the frames that this tab computes, as the stream would have sent them. Pure functions.
 
-import { FLAG_POPULATION, HEADER_BYTES, KIND_POSITIONS, MAGIC, NUMBERS_U16, VERSION } from "./protocol.js";
+import { FLAG_POPULATION, HEADER_BYTES, KIND_POSITIONS, MAGIC, NUMBERS_U16, VERSION } from "../frames.js";
 
 /** The number of an encoded frame. */
 export const numberOf = (buffer) => Number(new DataView(buffer).getBigUint64(8, true));

@@ -2,7 +2,7 @@
 
 import { abandon, at, Problem, request, requestFile } from "./api.js";
 import { protocols } from "./key.js";
-import { VERSION } from "./protocol.js";
+import { VERSION } from "../frames.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
 const RETRY_SECONDS = [0.5, 1, 2, 4, 5];

@@ -1,11 +1,10 @@
 // Lengths of the picture: its unit is the longest side of the world, so that worlds of any size are drawn alike.
 
+import { lengthOf } from "../frames.js";
+
 /** Names of what is a length, a place or a velocity; those of a scene that are plain numbers are its lengths. */
 const LENGTHS = ["radius", "thickness", "spacing", "cell"];
 const PLACES = ["lower", "upper", "center", "start", "end", "point", "points", "path", "region", "axes", "centroid", "velocity"];
-
-/** The longest side of the world of a scene [m]. */
-export const lengthOf = (scene) => Math.max(...(scene.world?.size ?? [1]));
 
 /** The sides of the world of a scene, in the longest one. */
 export const sidesOf = (scene) => (scene.world?.size ?? [1, 1, 1]).map((side) => side / lengthOf(scene));

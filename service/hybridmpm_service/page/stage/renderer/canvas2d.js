@@ -1,6 +1,6 @@
 // Particles drawn by Canvas2D, where WebGL2 is missing: the same pictures, computed on the CPU.
 
-import { SAND } from "../../net/protocol.js";
+import { SAND } from "../../frames.js";
 import { LiquidField } from "./liquid-cpu.js";
 import { css, grainShade, mix, onScale, SAND_DARK, SAND_LIGHT } from "./palette.js";
 import { SpherePicture } from "./spheres-cpu.js";

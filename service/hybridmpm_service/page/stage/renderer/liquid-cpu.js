@@ -1,7 +1,7 @@
 // The liquid's surface without a graphics card: blobs added into a coarse field, thresholded and shaded.
 
 import { FASTEST } from "../particles.js";
-import { GOOP, SAND } from "../../net/protocol.js";
+import { GOOP, SAND } from "../../frames.js";
 import * as palette from "./palette.js";
 import { INTERIOR, KERNEL_SPACINGS, SURFACE } from "./shaders.js";
 

@@ -1,7 +1,7 @@
 // GLSL of liquids in 3D: the depth of the spheres is smoothed until it is a surface, then lit
 // (van der Laan et al. 2009, "Screen space fluid rendering with curvature flow", with a bilateral filter).
 
-import { GOOP, SAND } from "../../net/protocol.js";
+import { GOOP, SAND } from "../../frames.js";
 import * as palette from "./palette.js";
 import { ATTRIBUTES, FRAGMENT } from "./shaders.js";
 

@@ -1,6 +1,6 @@
 // GLSL of the WebGL2 renderer.
 
-import { GOOP, SAND } from "../../net/protocol.js";
+import { GOOP, SAND } from "../../frames.js";
 import { FASTEST } from "../particles.js";
 import * as palette from "./palette.js";
 

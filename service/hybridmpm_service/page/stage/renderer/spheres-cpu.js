@@ -1,6 +1,6 @@
 // 3D particles without a graphics card: lit discs written into a picture with a depth buffer of its own.
 
-import { SAND, WATER } from "../../net/protocol.js";
+import { SAND, WATER } from "../../frames.js";
 import * as palette from "./palette.js";
 
 const SPHERE_SPACINGS = 0.82;

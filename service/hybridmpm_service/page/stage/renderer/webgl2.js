@@ -1,7 +1,7 @@
 // Particles by WebGL2: liquids as a smooth surface, sand as grains (2D) or lit spheres (3D).
 
 import { DEPTH_SCALE } from "../camera.js";
-import { GOOP, SAND, WATER } from "../../net/protocol.js";
+import { GOOP, SAND, WATER } from "../../frames.js";
 import { FieldTarget, program, useProgram } from "./gl.js";
 import { grainShade, smoothstep } from "./palette.js";
 import * as shaders from "./shaders.js";

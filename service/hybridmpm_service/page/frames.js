@@ -62,3 +62,6 @@ export function decodeFrame(buffer) {
 export function decodeTypes(base64) {
   return base64 === null ? null : Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
 }
+
+/** The longest side of the world of a scene [m], which 65535 stands for in the frames. */
+export const lengthOf = (scene) => Math.max(...(scene.world?.size ?? [1]));
