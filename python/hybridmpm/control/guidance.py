@@ -17,7 +17,7 @@ from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Figure, Fill, Oval, Region, Silhouette
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.who import Who
-from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
+from hybridmpm.control.laws import Floats32, Law, OfIds, Settled, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch, check_in_world
@@ -41,7 +41,7 @@ _MAGIC, _VERSION = b"HMPMGUID", 3
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """A sketch, understood and planned for the state that it was drawn on. It never changes.
+    """A sketch, understood and planned for the state that it was drawn on.
 
     It is a force, too: `simulator.advance(frames, guidance)` follows the sketch from that state on.
     """
@@ -88,6 +88,14 @@ class Guidance:
         """Return the force of the next frame; None before the start and once all frames are over."""
         index = simulator.frame - self.first_frame
         return self.law.force(simulator, index) if 0 <= index < self.total_frames else None
+
+    def copied(self) -> "Guidance":
+        """Return the guidance for a copy of the simulator, which may go another way.
+
+        A law that leads into a shape keeps places that it matched on the way.
+        """
+        law = self.law
+        return dataclasses.replace(self, law=law.own()) if isinstance(law, Settled) else self
 
     def snapshot(self) -> bytes:
         """Return the guidance as bytes, versioned and checksummed; `restored` reads them.

@@ -1,6 +1,7 @@
 """Laws: functions from the state before a frame to the force in it. All of them are plain data."""
 
-from dataclasses import dataclass
+import dataclasses
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Protocol, Self
 
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud, Floats
-from hybridmpm.control.goal.paths import SHORTEST_FRAMES, Motion
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES, Motion, Paths
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.errors import SnapshotError
 from hybridmpm.force import locate
@@ -19,6 +20,8 @@ from hybridmpm.simulator import Simulator
 Floats32 = npt.NDArray[np.float32]
 OfIds = tuple[npt.NDArray[np.uint64], Floats32]
 
+ANEW = 20
+"""Frames after which particles are given places in a shape anew."""
 AHEAD_FRAMES = 24
 """Distance ahead at which the force aims on a path with corners [frames]."""
 BANDWIDTH = (100.0, 300.0)
@@ -231,6 +234,11 @@ class Tracked:
             unit=unit,
         )
 
+    @property
+    def places(self) -> Floats:
+        """Ends of the particles' paths (N, D) [m]."""
+        return np.asarray(self.x[self.starts[1:] - 1][self.path] + self.offset, dtype=np.float64)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields alone: the compiled tracks are made anew from them."""
         return {name: value for name, value in vars(self).items() if name != "_tracks"}
@@ -268,8 +276,77 @@ class Tracked:
         return present[known], force
 
 
-LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced | Diffused]] = {
-    law.name: law for law in (Unforced, Uniform, Tracked, Retraced, Diffused)
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The force along paths that leads particles, near to the end, to places that are matched anew.
+
+    A fluid that is torn in order to fill a shape does not get everywhere as planned: parts that meet stay
+    about a cell apart, and between two arms some of it is left. So optimal transport from the present state
+    gives each particle a place of the same region anew, every `ANEW` frames from `start` on. To it the force
+    leads in the shortest time of a plan.
+
+    The places of the last two times are kept, so that a snapshot goes on to the same bits. Where they are not
+    there, as for a copy of the simulator from another law, they are found from the present state.
+    """
+
+    name: ClassVar[str] = "settled"
+    moving: Tracked
+    """Force until `start`."""
+    cells: Floats
+    """Centres (M, D) of the cells of the region [m]."""
+    side: float
+    """Side of a cell [m]."""
+    start: int
+    """Number of frames after which places are matched anew for the first time."""
+    found: list[list[Any]] = field(default_factory=list)
+    """The last times: number of each, frame in which places were matched, and force to them."""
+
+    def own(self) -> "Settled":
+        """Return the law for a copy of the simulator."""
+        return dataclasses.replace(self, found=list(self.found))
+
+    def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds | None:
+        """Return (N, D), or a pair where not all particles are led."""
+        if index < self.start:
+            return self.moving.force(simulator, index)
+        time, after = divmod(index - self.start, ANEW)
+        known = [one for one in self.found if one[0] == time and one[1] <= index]
+        # In its first frame nothing known counts: the simulator may have returned to it on another way.
+        if not known or after == 0:
+            known = [[time, index, self._matched(simulator)]]
+            self.found[:] = [one for one in self.found if one[0] == time - 1] + known
+        _, first, tracked = known[0]
+        force: Floats32 | OfIds | None = tracked.force(simulator, index - first)
+        return force
+
+    def _matched(self, simulator: Simulator) -> Tracked:
+        """Return the force to places that are matched from the present state."""
+        law = self.moving
+        x = law.places.copy()  # of particles that are gone
+        v = np.zeros_like(x)
+        places, known = locate(simulator.ids, law.ids)
+        x[places[known]], v[places[known]] = simulator.positions[known], simulator.velocities[known]
+        cloud = Cloud(
+            ids=law.ids,
+            x=x,
+            v=v,
+            weight=law.weight.astype(np.float64),
+            types=np.empty(0, dtype=np.uint8),
+            volume=0.0,
+            gravity=law.gravity.astype(np.float64),
+            frame=simulator.frame,
+            frame_dt=law.frame_dt,
+            partial=not is_whole(simulator, len(law.ids)),
+        )
+        grid = None if law.room is None else RoomGrid(**law.room)
+        paths = Paths.matched(cloud, self.cells, grid, self.side)
+        motion = paths.timed((SHORTEST_FRAMES + 1) * law.frame_dt)
+        # What smooths the force would lead what is left between two arms like the arms.
+        return Tracked.along(motion, cloud, cells=0, cap=law.cap, grid=grid, unit=law.unit)
+
+
+LAWS: dict[str, type[Unforced | Uniform | Tracked | Settled | Retraced | Diffused]] = {
+    law.name: law for law in (Unforced, Uniform, Tracked, Settled, Retraced, Diffused)
 }
 """Laws of the library by name."""
 
@@ -284,10 +361,23 @@ def law_to_dict(law: Law) -> dict[str, Any]:
     """
     if type(law) is not LAWS.get(law.name):
         raise SnapshotError(f"a law of your own, {type(law).__name__}, cannot be kept in a snapshot")
-    fields = {name: value for name, value in vars(law).items() if not name.startswith("_")}
+    fields = {name: _plain(value) for name, value in vars(law).items() if not name.startswith("_")}
     return {"name": law.name, "fields": fields}
 
 
 def law_from_dict(data: dict[str, Any]) -> Law:
     """Return the law of plain data of `law_to_dict`."""
-    return LAWS[data["name"]](**data["fields"])
+    return LAWS[data["name"]](**{name: _full(value) for name, value in data["fields"].items()})
+
+
+def _plain(value: Any) -> Any:
+    """Return a field of a law as plain data; a law within it is marked by its key."""
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return {"law": law_to_dict(value)} if isinstance(value, Tracked) else value
+
+
+def _full(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_full(one) for one in value]
+    return law_from_dict(value["law"]) if isinstance(value, dict) and set(value) == {"law"} else value

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.control.goal.region import Oval
 from hybridmpm.control.guidance import Guidance
-from hybridmpm.control.laws import AHEAD_FRAMES, Tracked
+from hybridmpm.control.laws import AHEAD_FRAMES, Settled, Tracked
 from hybridmpm.errors import ConfigError
 
 _MAGIC, _VERSION = b"HMWY", 2
@@ -26,6 +26,8 @@ def ways_file(guidance: Guidance) -> bytes:
         The force of the guidance is not that of particles on ways.
     """
     law = guidance.law
+    if isinstance(law, Settled):
+        law = law.moving  # Places stay those of the plan there.
     if not isinstance(law, Tracked):
         raise ConfigError(
             f"a page follows sketches by the method analytic or learned, got {guidance.method!r}: plan with "

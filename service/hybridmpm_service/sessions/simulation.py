@@ -96,6 +96,7 @@ class Steering:
         """Return the same steering of a copy of the simulator."""
         twin = copy.copy(self)
         twin._simulator = simulator  # noqa: SLF001 - of this very class
+        twin.guidance = self.guidance.copied()
         return twin
 
     def force(self) -> Any:

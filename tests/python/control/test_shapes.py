@@ -83,7 +83,7 @@ def test_a_shape_has_to_lie_in_the_world_and_to_be_seen_there() -> None:
 
 def test_a_small_shape_grows_with_its_hole() -> None:
     solver = solver_of()
-    room = 1.03 * solver.particle_count * solver.particle_spacing**2
+    room = 1.08 * solver.particle_count * solver.particle_spacing**2
     goal = prepare(solver, ring(0.08, 0.04)).goal
     assert goal.region is not None
     assert goal.region.volume == pytest.approx(room, rel=0.01)
@@ -115,21 +115,48 @@ def test_a_fluid_fills_a_letter_and_goes_on_from_a_snapshot() -> None:
     solver = solver_of()
     following = follow(solver, shape, hold=10)
     assert following.guidance.method == "analytic"
-    for _ in range(30):
-        next(following)
-    state, guidance = solver.snapshot(), following.guidance.snapshot()
+    frames = following.guidance.frames
+    kept, twins = [], []
+    # On the way, and between two times at which places are matched anew.
+    for stop in (30, frames - 30):
+        while following.frames_done < stop:
+            next(following)
+        kept.append((solver.snapshot(), following.guidance.snapshot()))
+        twins.append((solver.copy(), following.guidance.copied()))
     following.run()
     reached = following.result.reached
     assert reached.inside is not None
-    assert reached.inside > 0.95
+    assert reached.inside > 0.98
     assert reached.inside_drawn == pytest.approx(reached.inside, abs=0.06)
     assert "in the goal as drawn" in str(reached)
-    other = solver_of()
-    other.restore(state)
-    restored = Guidance.restored(guidance, other.scene)
-    assert isinstance(restored.sketch, Shape)
-    other.advance(following.guidance.total_frames - 30, restored)
-    assert other.digest() == solver.digest()
+    for state, data in kept:
+        other = solver_of()
+        other.restore(state)
+        restored = Guidance.restored(data, other.scene)
+        assert isinstance(restored.sketch, Shape)
+        other.advance(following.guidance.total_frames - other.frame, restored)
+        assert other.digest() == solver.digest()
+    for twin, guidance in twins:
+        twin.advance(following.guidance.total_frames - twin.frame, guidance)
+        assert twin.digest() == solver.digest()
+
+
+def test_places_of_a_shape_are_matched_anew_whatever_happened_before() -> None:
+    solver = solver_of()
+    guidance = prepare(solver, ring(0.1, 0.05), frames=60, hold=20)
+    middle = 50
+    solver.advance(middle, guidance)
+    state, data = solver.snapshot(), guidance.snapshot()
+    solver.advance(15, guidance)
+    straight = solver.digest()
+    solver.restore(state)
+    solver.advance(5, np.array([2.0, 9.81]))
+    solver.advance(10, guidance)
+    assert solver.digest() != straight
+    solver.restore(state)
+    solver.advance(15, guidance)
+    assert solver.digest() == straight
+    assert Guidance.restored(data, solver.scene).snapshot() == data
 
 
 def test_a_shape_in_space_is_as_deep_as_the_fluid_needs() -> None:
@@ -138,11 +165,11 @@ def test_a_shape_in_space_is_as_deep_as_the_fluid_needs() -> None:
     goal = prepare(solver, Shape((0.1 * SQUARE + 0.5,), width=11.0)).goal
     assert goal.region is not None
     cells = goal.region.cells
-    assert np.ptp(cells[:, 2]) == pytest.approx(1.03 * volume / 0.04, rel=0.1)
+    assert np.ptp(cells[:, 2]) == pytest.approx(1.15 * volume / 0.04, rel=0.1)
     np.testing.assert_allclose(cells.mean(axis=0), 0.5, atol=0.01)
     thin = prepare(solver, Shape((0.4 * SQUARE + 0.5,))).needs()
     assert [one.reason for one in thin.obstructions] == ["shape"]
-    assert "fills the shape 0.6 cm deep, and 4 grid cells are 12.5 cm: draw it smaller" in str(thin)
+    assert "fills the shape 0.7 cm deep, and 4 grid cells are 12.5 cm: draw it smaller" in str(thin)
     assert thin.scale == 1
 
 

@@ -23,7 +23,7 @@ from hybridmpm.control.goal.region import (
     gathered,
     region_of,
 )
-from hybridmpm.control.goal.room import Room, RoomGrid
+from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.threads import threaded
 from hybridmpm.control.sketch.sketch import Arrow, Shape, Sketch
 from hybridmpm.scene import Scene
@@ -107,6 +107,10 @@ _PASSED = 0.05
 """Share of a fluid that has to pass a gap, above which the gap counts [-]."""
 _SOLID = 0.5
 """Share of elastic mass from which on a body is led round obstacles as a whole only."""
+_SETTLING = 60
+"""Largest number of frames at the end in which particles are given places of a shape anew."""
+_OF_THREE = 3
+"""Frames of which at most one is for that."""
 _LEAST_CELLS = 4
 """Cells that a part of a shape is wide at least, so that the fluid can keep to it."""
 _TOO_THIN = 0.25
@@ -160,6 +164,24 @@ class Goal:
     def tip_is_free(self) -> bool:
         """Whether the centre of mass ends between the walls and in no obstacle."""
         return bool(self.room.is_free(self.path[-1:]).all())
+
+    @property
+    def settles(self) -> bool:
+        """Whether particles are given places anew at the end: in shapes, which tear a fluid."""
+        return (
+            isinstance(self.drawn, Silhouette)
+            and self.cloud.elastic <= _SOLID
+            and not self.paths.cut_off.any()
+        )
+
+    def moving(self, frames: int) -> int:
+        """Return for how many of a number of frames the motion lasts; what is left is for settling."""
+        return frames - min(_SETTLING, frames // _OF_THREE) if self.settles else frames
+
+    def _in_all(self, moving: int) -> int:
+        """Return the smallest number of frames, a multiple of 5 as `moving` is, that leave so many for it."""
+        thirds = 5 * -(-moving * _OF_THREE // (5 * (_OF_THREE - 1)))
+        return min(moving + _SETTLING, thirds) if self.settles else moving
 
     @property
     def squeezes(self) -> bool:
@@ -238,7 +260,7 @@ class Goal:
             frames = min(5 * round(_CROWD * frames / 5), int(_FRAMES[-1]))
         if self.gap is not None:
             frames = max(frames, min(self._frames_through(self.gap[1]), int(_FRAMES[-1])))
-        return frames
+        return self._in_all(frames)
 
     def _frames_through(self, seconds: float) -> int:
         return 5 * int(np.ceil(seconds / self.cloud.frame_dt / 5 - 1e-9))
@@ -259,7 +281,8 @@ class Goal:
         """Return the needs of the goal in a number of frames, the suggested one if None, under a cap [g]."""
         suggested = self.suggested_frames(cap)
         frames = suggested if frames is None else frames
-        effort = self.paths.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
+        seconds = self.moving(frames) * self.cloud.frame_dt
+        effort = self.paths.timed(seconds).effort(self.cloud.gravity)
         obstructions = [*self._closed_in(), *self._choked(frames)]
         if effort.acceleration > cap:
             obstructions.append(self._too_weak(frames, effort.acceleration, cap))
@@ -291,7 +314,7 @@ class Goal:
 
     def within(self, frames: int, acceleration: float) -> "Goal":
         """Return the goal of a way that ends where an acceleration [g] leads in a number of frames."""
-        seconds, gravity = frames * self.cloud.frame_dt, self.cloud.gravity
+        seconds, gravity = self.moving(frames) * self.cloud.frame_dt, self.cloud.gravity
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
@@ -373,9 +396,9 @@ class Goal:
 
     def _too_weak(self, frames: int, acceleration: float, cap: float) -> Obstruction:
         text = f"{frames} frames take {acceleration:.1f} g, and {cap:g} g are allowed"
-        longer = self._fewest_frames(cap, frames)
-        if longer is not None and longer > frames:
-            return Obstruction("time", f"{text}: {longer} frames would do")
+        longer = self._fewest_frames(cap, self.moving(frames))
+        if longer is not None and self._in_all(longer) > frames:
+            return Obstruction("time", f"{text}: {self._in_all(longer)} frames would do")
         return Obstruction("cap", f"{text}: raise the cap, more frames do not help")
 
 
@@ -400,17 +423,11 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
     else:
         drawn, name = Oval.drawn(sketch, cloud, scene.walls), "the oval"
     region = region_of(drawn, room, volume=cloud.volume, particles=len(cloud.x), fill=fill, name=name)
-    paths = _in_groups(cloud, region.cells, room.grid())
+    paths = Paths.matched(
+        cloud, region.cells, room.grid(), region.side if isinstance(drawn, Silhouette) else None
+    )
     path = np.stack([cloud.centroid, cloud.weight @ paths.places])
     return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, drawn, region)
-
-
-def _in_groups(cloud: Cloud, cells: Floats, grid: RoomGrid | None) -> Paths:
-    """Return paths on which groups fill cells (M, D) [m], each by the shortest way around obstacles."""
-    found = _core.match_to_region(cloud.x, cells, None if grid is None else grid.space)
-    return Paths.of_groups(
-        cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
-    )
 
 
 def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
@@ -450,7 +467,7 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
         paths, line = thread
         return Goal(sketch, cloud, room, paths, cornered(line, room.unit), None, disc.region, tuple(bent))
     region = None if keeps else disc.region
-    paths = _in_groups(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
+    paths = Paths.matched(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
     if paths.cut_off.all():
         bent.pop()
     middle = body.centre().around(way, grid)

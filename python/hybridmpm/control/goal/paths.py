@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
-from hybridmpm.control.goal.room import Room
+from hybridmpm.control.goal.room import Room, RoomGrid
 from hybridmpm.control.sketch.sketch import Arrow, depth_of_width
 from hybridmpm.scene import Walls
 
@@ -142,6 +142,19 @@ class Paths:
             # The inner corners are too near to the start for own velocities to even out by the first.
             velocity = np.tile(cloud.mean_velocity, (len(weight), 1))
         return cls(places, group, starts, corners, velocity, weight, cut_off, together)
+
+    @classmethod
+    def matched(
+        cls, cloud: Cloud, cells: Floats, grid: RoomGrid | None, side: float | None = None
+    ) -> "Paths":
+        """Return paths on which groups fill cells (M, D) [m], each by the shortest way around obstacles.
+
+        A place is the mean of some cells. With the side of a cell [m], places between two arms of a shape are
+        moved into a cell.
+        """
+        found = _core.match_to_region(cloud.x, cells, None if grid is None else grid.space)
+        places = found.places if side is None else _kept(found.places, cells, side)
+        return cls.of_groups(cloud, places, found.group, found.way_starts, found.ways, cut_off=found.cut_off)
 
     @classmethod
     def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Paths":
@@ -292,6 +305,20 @@ class Paths:
             timing = _core.least_acceleration(mean, self.velocity[0].tolist(), rest, seconds)
         v = _spline_velocities(timing.times, corners, self.velocity)
         return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
+
+
+def _kept(places: Floats, cells: Floats, side: float) -> Floats:
+    """Return places (N, D) [m], those in no cell (M, D) of a side [m] moved to the middle of the nearest."""
+    corner = cells.min(axis=0)
+    node = np.round((cells - corner) / side).astype(np.int64)
+    shape = node.max(axis=0) + 1
+    taken = np.zeros(shape, dtype=bool)
+    taken[tuple(node.T)] = True
+    index = np.clip(np.round((places - corner) / side).astype(np.int64), 0, shape - 1)
+    moved = places.copy()
+    for place in np.flatnonzero(~taken[tuple(index.T)]):
+        moved[place] = cells[np.argmin(((cells - places[place]) ** 2).sum(axis=1))]
+    return moved
 
 
 def _spline_velocities(times: Floats, corners: Floats, start: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Guidance without weights: optimal transport to the goal, and the least force along the paths."""
 
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.laws import Tracked
+from hybridmpm.control.laws import Settled, Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.simulator import Simulator
 
@@ -16,6 +16,7 @@ class Analytic:
     """Leads each group of particles to its place with the least force that free motion takes.
 
     Where obstacles are in the way, it leads there somewhat earlier than asked, if the cap allows for it.
+    Into a shape it leads earlier, too: in the last frames particles are given places anew.
 
     The force is computed in each frame from the actual state. That corrects for pressure, friction and
     walls, which the plan leaves out.
@@ -23,9 +24,14 @@ class Analytic:
 
     name = "analytic"
 
-    def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal contains the state
+    def plan(self, simulator: Simulator, task: Task) -> Tracked | Settled:  # noqa: ARG002 - the goal contains the state
         """Return the law along the paths of the goal."""
-        return task.tracked(task.goal.paths, share=arrival(task, task.goal.paths))
+        goal = task.goal
+        if not goal.settles or goal.region is None:
+            return task.tracked(goal.paths, share=arrival(task, goal.paths))
+        start = goal.moving(task.frames)
+        tracked = task.tracked(goal.paths, share=start / task.frames)
+        return Settled(tracked, goal.region.cells, goal.region.side, start)
 
 
 def arrival(task: Task, paths: Paths, early: float = _EARLY) -> float:
