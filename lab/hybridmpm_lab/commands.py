@@ -8,6 +8,7 @@ _MODULES = {
     "control": "control.table",
     "coarse": "compare.lists",
     "findings": "compare.findings",
+    "forces": "speed.forces",
     "fit": "fitting.levels",
     "hybrid": "compare.hybrid",
     "models": "compare.lists",

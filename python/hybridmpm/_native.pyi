@@ -433,7 +433,7 @@ class FrameReport:
     def forces(self) -> npt.NDArray[np.float64]:
         """Mean forces on walls and obstacles (2 D + n, 3 (D - 1)); see `Simulator.frame_forces`.
 
-        Matter that sleeps does not count.
+        Without rows unless `Solver.keep_forces` was called before. Matter that sleeps does not count.
         """
 
 @final
@@ -790,6 +790,8 @@ class Solver:
     @property
     def last_frame(self) -> FrameReport | None:
         """Report on the latest frame; None before the first."""
+    def keep_forces(self) -> None:
+        """Sum the forces on walls and obstacles in all later frames."""
     def diagnostics(self) -> Diagnostics: ...
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""

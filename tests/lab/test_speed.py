@@ -53,6 +53,13 @@ def test_rows_of_the_solver(tmp_path: Path) -> None:
         assert row["loaded"] == (row["slowdown"] >= timing.QUIET)
 
 
+def test_rows_of_the_cost_of_forces(tmp_path: Path) -> None:
+    printed, (row,) = measured(tmp_path, "forces", "--scenario", "water_2d", "--repeats", "2", chart=False)
+    assert row["scene"] == "water_2d"
+    assert row["cost"] == pytest.approx(row["with_forces"] / row["ms_per_frame"] - 1, abs=1e-3)
+    assert f"{row['with_forces']}" in printed
+
+
 @pytest.mark.skipif(
     os.environ.get("CI") != "true" and shutil.which("chromium") is None, reason="needs Debian's chromium"
 )

@@ -270,13 +270,22 @@ class MpmSolver(CoarseSimulator):
         spacing = self.scene.spacing / self.r_p ** (1 / self.dim)
         return PressureSamples(self.coarse_positions, self.pressure, float(spacing))
 
-    def frame_forces(self) -> npt.NDArray[np.float64]:
-        """Return the forces on walls and obstacles in the latest frame; see `Simulator.frame_forces`."""
+    def keep_forces(self) -> None:
+        """Sum the forces on walls and obstacles in all later frames; see `Simulator.keep_forces`."""
         if self._sleep is not None:
             raise ConfigError(
                 "forces need a solver without sleep: matter that sleeps does not press on walls and obstacles"
             )
-        if self.last_frame is None:
+        self._stepper.keep_forces()
+
+    def frame_forces(self) -> npt.NDArray[np.float64]:
+        """Return the forces on walls and obstacles in the latest frame; see `Simulator.frame_forces`."""
+        if not self._stepper.keeps_forces:
+            raise ConfigError(
+                "no forces are kept: call keep_forces() before the frames whose forces are read, or read "
+                "them with probes.record"
+            )
+        if self.last_frame is None or not len(self.last_frame.forces):
             solids = 2 * self.dim + len(self._scene.obstacles)
             return np.full((solids, 3 * (self.dim - 1)), np.nan)
         return self.last_frame.forces

@@ -48,6 +48,8 @@ class MpmStepper:
         self._redone: dict[int, _core.FrameReport | None] = {}
         self._last: tuple[int, _core.FrameReport | None] | None = None
         """Number of a frame and its report, which the solver does not have after a restore."""
+        self.keeps_forces = False
+        """Whether the forces on walls and obstacles are summed."""
         self._speed_warning = speed_warning
         self.too_fast: float | None = None
         """Root mean square of the speeds [m/s] when it first exceeded `speed_warning`; None until then."""
@@ -64,6 +66,13 @@ class MpmStepper:
         if report is None and self._last is not None and self._last[0] == frame:
             report = self._last[1]
         return self._redone.get(frame, report)
+
+    def keep_forces(self) -> None:
+        """Sum the forces on walls and obstacles in all later frames."""
+        self.keeps_forces = True
+        for solver in (self.solver, self._safe):
+            if solver is not None:
+                solver.keep_forces()
 
     def advance(self, frames: int, force: _Floats | None) -> None:
         """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
@@ -99,6 +108,8 @@ class MpmStepper:
         """Repeat the frame that has just failed; where it fails again, nothing has changed."""
         if self._safe is None:
             self._safe = make()
+            if self.keeps_forces:
+                self._safe.keep_forces()
         self._safe.restore(self.solver.snapshot())
         self._safe.advance(1, force)
         self.solver.restore(self._safe.snapshot())
@@ -132,20 +143,27 @@ class MpmStepper:
 
     def notes(self) -> dict[str, Any]:
         """Return what a snapshot leaves out, which `take_notes` takes."""
-        return {"redone": self._redone, "last": (self.solver.frame, self.last), "too_fast": self.too_fast}
+        return {
+            "redone": self._redone,
+            "last": (self.solver.frame, self.last),
+            "too_fast": self.too_fast,
+            "keeps_forces": self.keeps_forces,
+        }
 
     def take_notes(self, notes: dict[str, Any]) -> None:
         """Take what `notes` has returned in the same state."""
         self._redone, self._last, self.too_fast = notes["redone"], notes["last"], notes["too_fast"]
+        if notes["keeps_forces"]:
+            self.keep_forces()
 
     def copy(self) -> Self:
         """Return an independent stepper in the same state."""
         solver = self.solver.copy()
         upsampler = None if self.upsampler is None else self.upsampler.copy(solver)
         twin = type(self)(solver, upsampler, self._make_safe, self._speed_warning)
-        # The compiled copy has the same flag.
         twin._redone = dict(self._redone)  # noqa: SLF001 - of this very class
         twin.too_fast, twin._last = self.too_fast, self._last  # noqa: SLF001 - of this very class
+        twin.keeps_forces = self.keeps_forces  # which the compiled copy does as well
         return twin
 
 

@@ -203,6 +203,7 @@ class AutoSolver(CoarseSimulator):
         self._first_controller = self._controller
         self._offset, self._changes, self._earlier = 0, list[Change](), tuple[Decision, ...]()
         self._start: Scene = scene
+        self._keeps_forces = False
         self._inner = self._made()
         self._first_inner = self._inner
         self.reset()
@@ -212,7 +213,10 @@ class AutoSolver(CoarseSimulator):
         with warnings.catch_warnings():
             if self._changes:
                 warnings.simplefilter("ignore")  # raised at the start
-            return self._levels[self._controller.index].make(self._start, self._threads)
+            made = self._levels[self._controller.index].make(self._start, self._threads)
+        if self._keeps_forces and made.kind == "mpm":
+            made.keep_forces()
+        return made
 
     @property
     def plan(self) -> Plan:
@@ -309,6 +313,11 @@ class AutoSolver(CoarseSimulator):
         """Return the pressures of the particles simulated, where MPM simulates."""
         return self._inner.pressure_samples()
 
+    def keep_forces(self) -> None:
+        """Sum the forces on walls and obstacles in all later frames that MPM simulates."""
+        self._inner.keep_forces()
+        self._keeps_forces = True
+
     def frame_forces(self) -> npt.NDArray[np.float64]:
         """Return the forces on walls and obstacles in the latest frame, where MPM simulates."""
         return self._inner.frame_forces()
@@ -318,6 +327,8 @@ class AutoSolver(CoarseSimulator):
         self._controller = deepcopy(self._first_controller)
         self._offset, self._changes, self._earlier, self._start = 0, [], (), self._scene
         self._inner = self._first_inner.copy()
+        if self._keeps_forces:
+            self._inner.keep_forces()
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state."""

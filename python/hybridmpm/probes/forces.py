@@ -53,19 +53,24 @@ class Force(Probe):
             raise ConfigError(f"obstacle {self.obstacle!r} does not exist: the scene has no obstacles")
         return len(walls) + whole("obstacle", self.obstacle, 0, len(scene.obstacles) - 1)
 
+    def prepare(self, simulator: Probed) -> None:
+        """See `Probe.prepare`; a `ConfigError` where the simulator has no forces."""
+        simulator.keep_forces()
+
     def read(self, simulator: Probed) -> Floats:
         """Return the force, (D,).
 
         Raises
         ------
         ConfigError
-            The simulator has no forces: a network moves its particles, or may, or parts of the matter sleep.
+            The simulator keeps no forces: `keep_forces` was not called, a network moves its particles,
+            or may, or parts of the matter may sleep.
         """
         return simulator.frame_forces()[self._row(simulator.scene), : simulator.scene.dim]
 
     def plain(self, simulator: Probed) -> dict[str, Any]:
         """See `Probe.plain`."""
-        simulator.frame_forces()
+        simulator.keep_forces()
         return {"kind": "force", "row": self._row(simulator.scene), "marks": []}
 
 

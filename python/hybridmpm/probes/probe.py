@@ -56,6 +56,9 @@ class Probed(Protocol):
     def pressure_samples(self) -> PressureSamples:
         """Pressures of the particles that are simulated; a `ConfigError` where there are none."""
 
+    def keep_forces(self) -> None:
+        """Sum the forces in all later frames; a `ConfigError` where there are none."""
+
     def frame_forces(self) -> Floats:
         """Return the forces of the latest frame; a `ConfigError` where there are none."""
 
@@ -71,6 +74,9 @@ class Probe(ABC):
     @abstractmethod
     def check(self, scene: Scene) -> None:
         """Raise a `ConfigError`, which says what is allowed, unless the probe fits into a scene."""
+
+    def prepare(self, simulator: Probed) -> None:  # noqa: B027 - most probes read what is there
+        """Let a simulator keep what later readings need."""
 
     @abstractmethod
     def read(self, simulator: Probed) -> Floats:

@@ -75,7 +75,7 @@ def record(
     """Advance a simulator, and read probes now, after every `every` frames, and at the end.
 
     Of forces and torques each reading is the mean over the frames since the one before, the first that of the
-    frame before the recording.
+    frame before the recording; NaN where forces were not kept before.
 
     Parameters
     ----------
@@ -103,6 +103,8 @@ def record(
         raise ConfigError('probes must be a mapping of names to probes, such as {"depth": HeightGauge(0.5)}')
     for probe in probes.values():
         checked_probe(probe).check(solver.scene)
+    for probe in probes.values():
+        probe.prepare(solver)
     stops = [*range(0, frames, every), frames]
     rows: dict[str, list[Floats]] = {name: [] for name in probes}
     means = {name: probe for name, probe in probes.items() if probe.is_mean}

@@ -178,7 +178,7 @@ pub extern "C" fn distances(player: &mut Player, numbers: usize) -> *const f32 {
 }
 
 /// D components of the force and 2 D - 3 of the torque on each of 2 D walls and all obstacles, means over the latest frame
-/// in double precision; null before the first.
+/// in double precision; null before the first that follows a call.
 #[unsafe(no_mangle)]
 pub extern "C" fn forces(player: &mut Player) -> *const f64 {
     match player.forces() {

@@ -241,8 +241,12 @@ impl Player {
         self.frame() as f64 * f64::from(self.frame_dt())
     }
 
-    /// Mean force and torque on each wall and obstacle over the latest frame; none before the first.
+    /// Mean force and torque on each wall and obstacle over the latest frame; none before the first call and frame.
     pub fn forces(&mut self) -> &[f64] {
+        self.solver.keep_forces();
+        if let Some(safe) = &mut self.safe {
+            safe.keep_forces();
+        }
         let solver = match &self.safe {
             Some(safe) if safe.frame() == self.frame() => safe,
             _ => &self.solver,

@@ -167,6 +167,8 @@ class Simulation:
         self.journal = journal or Journal()
         self.computed_seconds = 0.0
         self._solver = chosen.simulator
+        if self._solver.kind == "mpm":
+            self._solver.keep_forces()
         is_hybrid = chosen.simulator.kind == "hybrid"
         self._recorder = SafeguardRecorder(chosen.simulator, chosen.r_c) if is_hybrid else None
         self._clock = clock

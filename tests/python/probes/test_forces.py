@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, MpmSolver, NeuralPhysics, Scene, Sleep, probes, scenarios
+from hybridmpm import ConfigError, MpmSolver, NeuralPhysics, Scene, Sleep, scenarios
 from hybridmpm.probes import Force, Torque, record
 
 G = 9.81
@@ -60,6 +60,7 @@ def momentum(solver: MpmSolver) -> np.ndarray:
 @pytest.mark.parametrize("scene", [crowd(2), crowd(3), scenarios.sand_ramps_2d(7)], ids=["2D", "3D", "sand"])
 def test_all_forces_together_are_the_weight_less_the_change_of_momentum(scene: Scene) -> None:
     solver = MpmSolver(scene)
+    solver.keep_forces()
     before, impulse = momentum(solver), np.zeros(scene.dim)
     frames = 100
     for _ in range(frames):
@@ -73,10 +74,11 @@ def test_all_forces_together_are_the_weight_less_the_change_of_momentum(scene: S
 
 
 def test_forces_have_equal_bits_on_any_number_of_threads_and_after_a_restore() -> None:
-    one, two = MpmSolver(crowd(2)), MpmSolver(crowd(2), threads=2)
+    one, two, resumed = MpmSolver(crowd(2)), MpmSolver(crowd(2), threads=2), MpmSolver(crowd(2), threads=2)
+    for solver in (one, two, resumed):
+        solver.keep_forces()
     one.advance(60)
     two.advance(59)
-    resumed = MpmSolver(crowd(2), threads=2)
     resumed.restore(two.snapshot())
     assert np.isnan(resumed.frame_forces()).all()
     for solver in (two, resumed):
@@ -217,8 +219,22 @@ def test_bad_solids_are_refused_before_anything_moves(probe: Force, message: str
 def test_forces_are_refused_where_there_are_none() -> None:
     with pytest.raises(ConfigError, match="no obstacles"):
         MpmSolver(pool()).probe(Force(obstacle=0))
-    with pytest.raises(ConfigError, match="without sleep"):
-        MpmSolver(pool(), sleep=Sleep()).probe(Force(wall="y_lower"))
     with pytest.raises(ConfigError, match="read them off an MpmSolver"):
-        NeuralPhysics(scenarios.water_2d(7), "fluids_2d").probe(Force(wall="y_lower"))
-    assert np.isnan(MpmSolver(pool()).probe(probes.Force(wall="y_lower"))).all()
+        record(NeuralPhysics(scenarios.water_2d(7), "fluids_2d"), 1, {"floor": Force(wall="y_lower")})
+    with pytest.raises(ConfigError, match=r"call keep_forces\(\) before the frames"):
+        MpmSolver(pool()).probe(Force(wall="y_lower"))
+    with pytest.raises(ConfigError, match="without sleep"):
+        MpmSolver(pool(), sleep=Sleep()).keep_forces()
+
+
+def test_forces_are_summed_from_the_moment_on_when_they_are_wanted() -> None:
+    solver = MpmSolver(pool())
+    solver.advance(2)
+    idle = solver.copy()
+    assert len(solver.last_frame.forces) == 0  # type: ignore[union-attr] - frames were simulated
+    series = record(solver, 2, {"floor": Force(wall="y_lower")})["floor"]
+    assert np.isnan(series[0]).all()
+    assert np.isfinite(series[1:]).all()
+    idle.advance(2)
+    assert idle.snapshot() == solver.snapshot(), "sums change no motion"
+    assert solver.copy().frame_forces().tolist() == solver.frame_forces().tolist()

@@ -405,6 +405,11 @@ impl PySolver {
         self.copy(py)
     }
 
+    fn keep_forces(&self, py: Python<'_>) -> PyResult<()> {
+        self.held
+            .detached(py, |any| with_any!(any, solver => solver.keep_forces()))
+    }
+
     fn copy(&self, py: Python<'_>) -> PyResult<Self> {
         Ok(Self {
             held: Held::new(self.twin(py)?),

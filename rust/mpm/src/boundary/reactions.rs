@@ -46,6 +46,8 @@ pub struct Reactions<const D: usize> {
     /// Of the lower and the upper wall across each axis.
     pub walls: [[Wrench<D>; 2]; D],
     pub obstacles: Vec<Wrench<D>>,
+    /// Else nothing is added.
+    pub kept: bool,
 }
 
 impl<const D: usize> Reactions<D> {
@@ -54,6 +56,7 @@ impl<const D: usize> Reactions<D> {
         Self {
             walls: [[Wrench::NONE; 2]; D],
             obstacles: vec![Wrench::NONE; obstacles],
+            kept: true,
         }
     }
 
@@ -66,12 +69,18 @@ impl<const D: usize> Reactions<D> {
     /// Adds an impulse of an obstacle at `x` [m].
     #[inline(always)]
     pub fn push(&mut self, obstacle: usize, x: &Vector<D>, impulse: &Vector<D>) {
+        if !self.kept {
+            return;
+        }
         let double = |v: &Vector<D>| std::array::from_fn(|axis| f64::from(v[axis]));
         self.obstacles[obstacle].add(&double(x), &double(impulse));
     }
 
     /// Adds the impulses of walls that changed the velocity of a particle at `x`, by components.
     pub fn hold(&mut self, x: &Vector<D>, mass: f32, change: &Vector<D>) {
+        if !self.kept {
+            return;
+        }
         let x = std::array::from_fn(|axis| f64::from(x[axis]));
         for axis in 0..D {
             if change[axis] != 0.0 {

@@ -81,6 +81,10 @@ impl<const D: usize> Solver<D> {
             .then(|| VolumeCorrection::new(&settings.walls, &grid.layout, settings.frame_dt));
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         let obstacles = Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout);
+        let no_reactions = Reactions {
+            kept: false,
+            ..Reactions::none(settings.obstacles.len())
+        };
         if interrupted() {
             return Err(MpmError::BuildCancelled);
         }
@@ -99,7 +103,7 @@ impl<const D: usize> Solver<D> {
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
-            reactions: vec![Reactions::none(settings.obstacles.len()); MAX_SLABS],
+            reactions: vec![no_reactions; MAX_SLABS],
             sorter: Sorter::default(),
             before: Vec::new(),
             state: SolverState {
@@ -273,8 +277,17 @@ impl<const D: usize> Solver<D> {
         Ok(report)
     }
 
-    /// Mean forces on walls and obstacles over the frame. In the order of the slabs, on which the sums depend.
+    /// Sums the forces on walls and obstacles in all later frames.
+    pub fn keep_forces(&mut self) {
+        self.reactions.iter_mut().for_each(|part| part.kept = true);
+    }
+
+    /// Mean forces on walls and obstacles over the frame; empty where they are not kept. In the order of the slabs, on which the
+    /// sums depend.
     fn forces(&self) -> Vec<f64> {
+        if !self.reactions[0].kept {
+            return Vec::new();
+        }
         let mut sum = Reactions::none(self.settings.obstacles.len());
         self.reactions.iter().for_each(|part| sum.join(part));
         sum.forces(f64::from(self.settings.frame_dt))

@@ -80,7 +80,7 @@ pub struct FrameReport {
     pub obstacle_work: f64,
     /// Largest speed of a particle at the end [m/s].
     pub max_speed: f32,
-    /// Mean forces on walls and obstacles; see `Reactions::forces`.
+    /// Mean forces on walls and obstacles; see `Reactions::forces`. Empty where they are not kept.
     pub forces: Vec<f64>,
 }
 
