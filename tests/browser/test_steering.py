@@ -38,7 +38,7 @@ def test_fluid_follows_an_arrow(open_page: Open, service: LiveService, arrow: tu
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     start = service.get(f"/v1/sessions/{visit.session}")
     visit.press_until("a", "body.tool === 'arrow'")
-    plan = _draw(visit, [(0.5, 0.4), (0.5 + arrow[0], 0.4 + arrow[1])])
+    plan = _draw(visit, [(0.4, 0.4), (0.4 + arrow[0], 0.4 + arrow[1])])
     visit.wait_for("body.control === 'following'")
     control = service.get(f"/v1/sessions/{visit.session}")["control"]
     assert (control["kind"], control["phase"]) == ("arrow", "steering")
@@ -102,7 +102,7 @@ def test_fluid_fills_an_oval(open_page: Open, service: LiveService) -> None:
 def test_a_goal_out_of_reach_is_said_in_words(open_page: Open) -> None:
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
     visit.press_until("a", "body.tool === 'arrow'")
-    _draw(visit, [(0.2, 0.4), (0.85, 0.4)])
+    _draw(visit, [(0.32, 0.4), (0.88, 0.4)])
     expect(visit.page.locator(".toast")).to_contain_text("Out of reach")
     expect(visit.page.locator(".toast")).to_contain_text("shorten it")
     expect(visit.page.locator("#needs-text")).to_contain_text("shorten it")
@@ -177,6 +177,24 @@ def test_wrong_guess_can_be_switched(open_page: Open) -> None:
     assert answer.value.json()["sketch"]["kind"] == "arrow"
 
 
+def test_an_arrow_from_beside_the_fluid_begins_in_its_middle_and_keeps_its_bends(
+    open_page: Open, service: LiveService
+) -> None:
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
+    centroid = service.get(f"/v1/sessions/{visit.session}")["centroid"]
+    visit.press_until("a", "body.tool === 'arrow'")
+    plan = _draw(visit, [(0.15, 0.6), (0.3, 0.85), (0.5, 0.85), (0.7, 0.6)])
+    path = plan["goal"]["path"]
+    assert path[0] == pytest.approx(centroid, abs=1e-3)
+    assert path[-1] == pytest.approx([0.7, 0.6], abs=0.01)
+    chord = [path[0][axis] + 0.5 * (path[-1][axis] - path[0][axis]) for axis in range(2)]
+    assert min(math.dist(point, chord) for point in path) > 0.06
+    # In the fluid it says by how much, and a trembling hand means a straight line.
+    plan = _draw(visit, [(0.4, 0.4), (0.45, 0.402), (0.5, 0.4)])
+    assert len(plan["sketch"]["points"]) == 2
+    assert plan["goal"]["path"][-1] == pytest.approx([centroid[0] + 0.1, centroid[1]], abs=0.005)
+
+
 def test_click_is_not_a_sketch(open_page: Open) -> None:
     visit = open_page(paused_at=3)
     visit.press_until("a", "body.tool === 'arrow'")
@@ -195,11 +213,25 @@ def test_stroke_widths_mean_depth_in_3d(open_page: Open, service: LiveService) -
     visit.page.locator("#depth-start").fill("6")
     visit.page.locator("#depth-end").fill("14")
     visit.press_until("a", "body.tool === 'arrow'")
-    plan = _draw(visit, [(0.4, 0.4), (0.5, 0.5)])
+    plan = _draw(visit, [(0.32, 0.19), (0.42, 0.29)])
     # From 2 px at the back wall to 20 px at the front, over walls 0.8 m apart.
     path = plan["goal"]["path"]
     wanted = [end - start for start, end in zip(path[0], path[-1], strict=True)]
     assert wanted == pytest.approx([0.1, 0.1, 0.8 * (14 - 6) / 18], abs=0.005)
+    # On the picture: a handle, keys and the wheel, which moves the end alone while one draws.
+    visit.page.locator("#depth").fill("12")
+    expect(visit.page.locator("#depth-text")).to_have_text("middle")
+    visit.page.locator("#overlay").focus()
+    visit.page.keyboard.press("PageUp")
+    assert visit.page.locator("#depth-start").input_value() == "11"
+    visit.drag([(0.32, 0.19), (0.4, 0.3)], release=False)
+    for _ in range(6):
+        visit.page.mouse.wheel(0, 100)
+    expect(visit.page.locator("#depth-text")).to_have_text("middle to front")
+    with visit.page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
+        visit.page.mouse.up()
+    path = answer.value.json()["goal"]["path"]
+    assert path[-1][2] - path[0][2] == pytest.approx(0.8 * 6 / 18, abs=0.005)
 
 
 def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: Open) -> None:

@@ -12,13 +12,15 @@ import { bindAppearance, bindColours, offerPressure, showHighest } from "./panel
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
+import { bindScene, chooseScene, SEA, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
 import { chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
+import { drawDepths } from "./sketch/depth.js";
 import { Hand } from "./sketch/hand.js";
 import { SeenSketch } from "./sketch/seen.js";
+import { widthOfDepth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { scaled } from "./stage/units.js";
 import { Recent } from "./stage/recent.js";
@@ -68,6 +70,7 @@ const steering = new Steering({
   release: () => session.release().catch(messages.toast),
   dim: () => shown.scene.dim,
   widths: controls.depthWidths,
+  tail: tailOf,
   changed: refreshSteering,
   refused: messages.toast,
   planned: ({ needs }) => {
@@ -123,6 +126,15 @@ const tools = new Tools(document.getElementById("overlay"), {
   glides: () => !reducedMotion.matches,
   changed: refreshSteering,
 });
+
+/** Where an arrow that is drawn from a point begins, {point, width}; null where there is fluid, or nothing is known of its middle. */
+function tailOf(point) {
+  const { centroid, scene } = shown;
+  if (centroid === null || shown.who !== null || stage.particleAt(point) !== null) return null;
+  const { lower, upper } = scene.walls;
+  const width = scene.dim === 3 ? widthOfDepth((centroid[2] - lower[2]) / (upper[2] - lower[2])) : controls.depthWidths()[0];
+  return { point: centroid.slice(0, 2), width };
+}
 
 /** Choose the body under a point, or everything where there is none; return whether that is a choice. */
 function tapped(point) {
@@ -331,6 +343,10 @@ function animate(now) {
   if (!stage.draw(now)) return;
   shown.drawnAt.push(now);
   recent.note(now, () => stage.moment);
+  if (shown.scene?.dim === 3 && tools.name !== "orbit") {
+    const { sketch, plan } = steering;
+    drawDepths(document.getElementById("depth-map"), shown.scene, { frame: stage.frame, sketch, plan }, controls.depthWidths());
+  }
 }
 
 /** Count the pictures of the last second, and notice silence; called twice a second. */
@@ -539,6 +555,10 @@ controls.bindControls({
   switchKind: () => steering.switchKind(),
   escape: () => tools.escape(),
   forces: toggleForces,
+  depth: () => {
+    steering.deepen();
+    refreshSteering();
+  },
 });
 
 bindAppearance();
@@ -556,6 +576,11 @@ bindColours((quantity) => {
   pressures.wanted = quantity === "pressure";
 });
 bindScene(async (wanted) => {
+  if (wanted.scenario === SEA) {
+    const { openExhibit } = await import("./gallery/panel.js");
+    openExhibit(SEA, shared);
+    return;
+  }
   if (wanted.scenario !== "") {
     startScene(wanted);
     return;

@@ -26,6 +26,7 @@ export class Tools {
         parts.stage.view.orbit(dx, dy);
         parts.stage.invalidateView();
       },
+      deepen: (steps) => this.#deepen(steps),
       zoom: (factor) => {
         parts.stage.view.zoomBy(factor);
         parts.stage.invalidateView();
@@ -60,6 +61,16 @@ export class Tools {
       this.#pointer.abort();
       this.#keys.abort();
     } else steering.takeBack();
+  }
+
+  /** Move what is drawn, or the end of what is being drawn, towards the viewer; returns whether the scene has a depth. */
+  #deepen(steps) {
+    if (this.#scene?.dim !== 3) return false;
+    const { steering, changed } = this.#parts;
+    controls.deepen(steps, steering.phase === "drawing");
+    steering.deepen();
+    changed();
+    return true;
   }
 
   #begin(sample) {

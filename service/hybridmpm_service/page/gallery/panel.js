@@ -21,14 +21,14 @@ export async function demonstration(name) {
   return presetOf(entries.demos[name], entries);
 }
 
-async function choose(name) {
-  byId("gallery").close();
+/** Show a scene of the gallery; `given` is {open(body, place), toast(problem)} as for openGallery. */
+export async function openExhibit(name, given) {
   try {
     const { scene, coarse } = await exhibit(name);
     const level = coarse === undefined ? {} : { coarse };
-    parts.open({ scene, ...level }, { gallery: name, ...level });
+    given.open({ scene, ...level }, { gallery: name, ...level });
   } catch (problem) {
-    parts.toast(problem);
+    given.toast(problem);
   }
 }
 
@@ -61,7 +61,10 @@ function presetOf({ scenario, sketch }, { sketches, played: { seed, frame, hold 
 async function fill() {
   const entries = await entriesKnown();
   const scenes = Object.entries(entries.scenes).map(([name, scene]) =>
-    itemOf(name, scene, () => choose(name)),
+    itemOf(name, scene, () => {
+      byId("gallery").close();
+      openExhibit(name, parts);
+    }),
   );
   const demos = Object.entries(entries.demos).map(([name, demo]) =>
     itemOf(name, demo, () => {

@@ -23,6 +23,7 @@ export function showTools(dim) {
   const orbit = document.querySelector('[data-tool="orbit"].tool');
   orbit.hidden = dim !== 3;
   byId("depth-card").hidden = dim !== 3;
+  document.body.dataset.dim = dim;
 }
 
 export function showTool(tool) {
@@ -37,12 +38,23 @@ export function showTool(tool) {
 /** Stroke widths [px of a 512-pixel raster] at the start and the end of a stroke, for 3D. */
 export const depthWidths = () => [Number(byId("depth-start").value), Number(byId("depth-end").value)];
 
+const placeOf = (width) => (width < 7 ? "back" : width > 15 ? "front" : "middle");
+
+/** Move the depth of strokes by steps towards the viewer; of their end alone, if `endOnly`. */
+export function deepen(steps, endOnly) {
+  for (const id of endOnly ? ["depth-end"] : ["depth-start", "depth-end"]) byId(id).value = Number(byId(id).value) + steps;
+  describeDepths();
+}
+
 function describeDepths() {
   for (const id of ["depth-start", "depth-end"]) {
     const width = Number(byId(id).value);
-    const place = width < 7 ? "back" : width > 15 ? "front" : "middle";
-    setText(`${id}-out`, `${place}, ${width} px`);
+    setText(`${id}-out`, `${placeOf(width)}, ${width} px`);
   }
+  const [start, end] = depthWidths();
+  byId("depth").value = end;
+  byId("depth").setAttribute("aria-valuetext", placeOf(end));
+  setText("depth-text", start === end ? placeOf(end) : `${placeOf(start)} to ${placeOf(end)}`);
 }
 
 // ---- what the user does ----
@@ -50,7 +62,7 @@ function describeDepths() {
 /**
  * Call an action whenever the user asks for it.
  *
- * @param actions {play, step, reset, speed(value), tool(name), undo, switchKind, escape, forces}
+ * @param actions {play, step, reset, speed(value), tool(name), undo, switchKind, escape, forces, depth}
  */
 export function bindControls(actions) {
   byId("play").addEventListener("click", actions.play);
@@ -61,7 +73,12 @@ export function bindControls(actions) {
   byId("everyone").addEventListener("click", actions.everyone);
   byId("help-open").addEventListener("click", () => byId("help").showModal());
   byId("speed").addEventListener("input", () => actions.speed(10 ** Number(byId("speed").value)));
-  for (const id of ["depth-start", "depth-end"]) byId(id).addEventListener("input", describeDepths);
+  for (const id of ["depth-start", "depth-end"]) byId(id).addEventListener("input", actions.depth);
+  byId("depth").addEventListener("input", () => {
+    byId("depth-start").value = byId("depth-end").value = byId("depth").value;
+    actions.depth();
+  });
+  for (const id of ["depth", "depth-start", "depth-end"]) byId(id).addEventListener("input", describeDepths);
   describeDepths();
   bindTools(actions);
   bindKeys(actions);

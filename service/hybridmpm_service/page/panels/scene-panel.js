@@ -5,6 +5,9 @@ import { byId, setText } from "./dom.js";
 const PARTS = { bodies: "Body", obstacles: "Obstacle", emitters: "Emitter", sinks: "Sink" };
 const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
 
+/** The scene of the gallery that is chosen first in space: enough particles are shown for it to look like a sea. */
+export const SEA = "dam-in-space";
+
 /** "water_sand_2d" -> "Water and sand, 2D". */
 export function titleOf(name) {
   const words = name.split("_");
@@ -24,6 +27,9 @@ export function showScenarios(scenarios, chosen) {
     option.dataset.text = text;
     return option;
   });
+  const sea = new Option("Sea, 3D", SEA);
+  sea.dataset.text = "A dam breaks upon a pillar. 36 000 particles are shown, of which MPM simulates one in 16.";
+  options.splice(options.findIndex(({ value }) => value.endsWith("_3d")), 0, sea);
   const own = byId("own-scene");
   byId("scenario").replaceChildren(...(own === null ? options : [own, ...options]));
   if (own === null) chooseScene(chosen);

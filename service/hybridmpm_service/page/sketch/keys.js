@@ -3,6 +3,7 @@
 const STEP = 0.02; // of the stage's longer side; with Shift five times as far
 const TURN = 14; // px by which an arrow key turns the scene
 const ZOOM = 1.1;
+const DEEPER = { PageUp: -1, PageDown: 1 };
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 /** Follows the keys while an element has the focus. The handlers are those of `StagePointer`, and two more. */
@@ -46,6 +47,7 @@ export class StageKeys {
     if (this.#handlers.mode() === "orbit") this.#look(event, way);
     else if (way !== undefined) this.#move(event, way);
     else if (event.key === "Enter") this.#toggle(event);
+    else if (event.key in DEEPER && this.#handlers.deepen(DEEPER[event.key])) event.preventDefault();
   }
 
   #look(event, way) {

@@ -7,7 +7,8 @@ export class StagePointer {
   #pointers = new Map(); // id -> last [px, py]
   #stroke = null; // id of the pointer that draws
 
-  /** @param handlers {mode(): "stroke"|"orbit", begin(p), extend(ps), finish(), cancel(), orbit(dx, dy), zoom(f)} */
+  /** @param handlers {mode(): "stroke"|"orbit", begin(p), extend(ps), finish(), cancel(), orbit(dx, dy), zoom(f),
+   *   deepen(steps) -> whether there is a depth} */
   constructor(element, handlers) {
     this.#element = element;
     this.#handlers = handlers;
@@ -84,8 +85,8 @@ export class StagePointer {
   }
 
   #wheel(event) {
-    if (this.#handlers.mode() !== "orbit") return;
+    if (this.#handlers.mode() === "orbit") this.#handlers.zoom(Math.exp(-0.0012 * event.deltaY));
+    else if (!this.#handlers.deepen(Math.sign(event.deltaY))) return;
     event.preventDefault();
-    this.#handlers.zoom(Math.exp(-0.0012 * event.deltaY));
   }
 }

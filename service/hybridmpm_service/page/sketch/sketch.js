@@ -164,8 +164,35 @@ export function isDrawable({ kind, points }) {
   return shape !== null && shape.axes[1] >= 0.015;
 }
 
+const STRAIGHT = 0.06; // largest distance of an arrow's line from its chord that is a hand's trembling, over the chord
+const BENDS = 24; // points of an arrow that bends
+
+/** The line that an arrow means: straight where the hand wanted it so, else evenly along the stroke, which keeps its bends. */
+export function arrowAlong(points) {
+  const [first, last] = [points[0], points.at(-1)];
+  const chord = distance(first, last);
+  const aside = ([x, y]) => Math.abs((last[0] - first[0]) * (y - first[1]) - (last[1] - first[1]) * (x - first[0])) / Math.max(chord, 1e-9);
+  const isStraight = points.every((point) => aside(point) <= STRAIGHT * chord) && pathLength(points) < 1.2 * chord;
+  if (points.length < 3 || isStraight) return [first, last];
+  // The mean of neighbours takes out the steps of a mouse.
+  const even = resample(points, BENDS);
+  return even.map((point, i) => (i === 0 || i === BENDS - 1 ? point : [0, 1].map((axis) => (even[i - 1][axis] + point[axis] + even[i + 1][axis]) / 3)));
+}
+
+/** The same line with another start; its end stays, and what lies between moves by as much less as it is nearer to the end. */
+export function startingAt(start, points) {
+  const length = Math.max(pathLength(points), 1e-9);
+  return points.map((point, i) => {
+    const rest = 1 - pathLength(points.slice(0, i + 1)) / length;
+    return point.map((value, axis) => value + rest * (start[axis] - points[0][axis]));
+  });
+}
+
 /** Depth that a stroke width means, from 0 at the back wall to 1 at the front. */
 export const depthOfWidth = (width) => (width - WIDTH_RANGE[0]) / (WIDTH_RANGE[1] - WIDTH_RANGE[0]);
+
+/** The stroke width that means a depth. */
+export const widthOfDepth = (depth) => WIDTH_RANGE[0] + Math.min(1, Math.max(0, depth)) * (WIDTH_RANGE[1] - WIDTH_RANGE[0]);
 
 /** Stroke width at each point: from `start` to `end` for an arrow, `end` alone for an oval. */
 export function widthsAlong({ kind, points }, [start, end]) {

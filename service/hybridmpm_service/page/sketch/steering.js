@@ -1,6 +1,6 @@
 // The life of a sketch: drawn, perhaps staged for a moment, planned by the server, followed, held, done.
 
-import { classify, isDrawable, ovalFrom, strokeOf } from "./sketch.js";
+import { arrowAlong, classify, isDrawable, ovalFrom, startingAt, strokeOf } from "./sketch.js";
 
 const STAGE_MS = 1100; // time in which the user may correct the guess for a freehand stroke
 
@@ -16,6 +16,7 @@ export class Steering {
   reached = null; // {inside, miss} once the frames of the sketch are over
   #tool = "arrow";
   #samples = []; // points of the stroke in progress: {point, time}
+  #tail = null; // where an arrow begins that is not drawn from the fluid, {point, width}; null where it is
   #stageTimer = 0;
   #lastFrame = 0;
   #seen = false; // whether the server has said that this sketch steers
@@ -24,7 +25,7 @@ export class Steering {
   #handlers;
 
   /** @param handlers {plan(stroke, settings, signal) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
-   *   changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
+   *   tail(point) -> where an arrow drawn from there begins, {point, width}, or null where it begins there, changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -39,6 +40,7 @@ export class Steering {
     this.#attempt += 1;
     this.#tool = tool;
     this.#samples = [sample];
+    this.#tail = this.#handlers.tail(sample.point);
     this.#forget();
     this.#updateSketch();
     this.#enter("drawing");
@@ -51,20 +53,38 @@ export class Steering {
     this.#handlers.changed();
   }
 
+  /** The depth of the stroke in progress has changed. */
+  deepen() {
+    if (this.phase !== "drawing") return;
+    this.#updateSketch();
+    this.#handlers.changed();
+  }
+
   #updateSketch() {
     const points = this.#samples.map((sample) => sample.point);
+    if (this.#tool === "arrow") this.sketch = this.#arrow(arrowAlong(points));
+    else if (this.#tool === "oval") this.sketch = { kind: "ellipse", points: ovalFrom(points), widths: this.#handlers.widths() };
+    else this.sketch = this.#free(classify(points));
+  }
+
+  #free(kind) {
+    const points = this.#samples.map((sample) => sample.point);
+    return kind === "arrow" ? this.#arrow(points) : { kind, points, widths: this.#handlers.widths() };
+  }
+
+  /** What is drawn is what is done: an arrow that begins beside the fluid begins in its middle, and ends where it ends. */
+  #arrow(points) {
     const widths = this.#handlers.widths();
-    const [first, last] = [points[0], points.at(-1)];
-    if (this.#tool === "arrow") this.sketch = { kind: "arrow", points: [first, last], widths };
-    else if (this.#tool === "oval") this.sketch = { kind: "ellipse", points: ovalFrom(points), widths };
-    else this.sketch = { kind: classify(points), points, widths };
+    if (this.#tail === null) return { kind: "arrow", points, widths };
+    return { kind: "arrow", points: startingAt(this.#tail.point, points), widths: [this.#tail.width, widths[1]] };
   }
 
   /** End the stroke. Arrow and oval are sent at once; the guess for a free stroke waits a moment. */
   finish() {
     if (this.phase !== "drawing") return;
-    if (!isDrawable(this.sketch)) {
-      const [{ point }] = this.#samples;
+    const points = this.#samples.map(({ point }) => point);
+    if (!isDrawable({ ...this.sketch, points: this.sketch.kind === "arrow" ? points : this.sketch.points })) {
+      const [point] = points;
       this.clear();
       if (!this.#handlers.tapped(point)) this.#handlers.tooSmall();
     } else if (this.#tool === "free") {
@@ -90,7 +110,7 @@ export class Steering {
   /** Take a stroke that was guessed wrongly for the other kind. */
   switchKind() {
     if (this.phase !== "staged") return;
-    const other = { ...this.sketch, kind: this.sketch.kind === "arrow" ? "ellipse" : "arrow" };
+    const other = this.#free(this.sketch.kind === "arrow" ? "ellipse" : "arrow");
     if (!isDrawable(other)) {
       this.#handlers.tooSmall();
       return;

@@ -38,7 +38,7 @@ export class Stage {
   #speeds = new SpeedEstimate();
   #quantity = "material"; // name of what the particles are coloured by
   #pressure = null; // the newest answer of the server; null where nobody asks
-  #frame = null; // the frame that is shown
+  frame = null; // the frame that is shown
   #described = false; // whether the renderer has the particles
   #time = 0; // simulated time of the frame that is shown [s]
   #shown; // {steering, hand, presenter, seen, forces}: what is drawn over the particles
@@ -75,7 +75,7 @@ export class Stage {
     this.#speeds = new SpeedEstimate(length);
     this.#described = false;
     this.#time = 0;
-    this.#frame = null;
+    this.frame = null;
     this.#pressure = null;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.resize();
@@ -88,10 +88,10 @@ export class Stage {
 
   /** All that the picture shows, for another stage of the same setting; null before the first frame. */
   get moment() {
-    if (this.#frame === null) return null;
+    if (this.frame === null) return null;
     const shown = Object.entries(this.#shown).map(([name, part]) => [name, { ...part }]);
     return {
-      frame: this.#frame,
+      frame: this.frame,
       speeds: this.#speeds.bytes,
       quantity: this.#quantity,
       pressure: this.#pressure,
@@ -130,12 +130,12 @@ export class Stage {
       this.#described = true;
     }
     this.#time = frame.time;
-    this.#frame = frame;
+    this.frame = frame;
   }
 
   #updateParticles() {
-    if (this.#frame === null) return;
-    this.#renderer.update(this.#frame.positions, this.#speeds.bytes, this.#quantities());
+    if (this.frame === null) return;
+    this.#renderer.update(this.frame.positions, this.#speeds.bytes, this.#quantities());
     this.invalidate();
   }
 
@@ -145,10 +145,10 @@ export class Stage {
       case "speed":
         return this.#speeds.bytes;
       case "density":
-        return densityOf(this.#frame, this.#spacing).bytes;
+        return densityOf(this.frame, this.#spacing).bytes;
       case "pressure": {
         if (this.#pressure === null) return null;
-        const { bytes, most } = pressureOf(this.#frame, this.#pressure);
+        const { bytes, most } = pressureOf(this.frame, this.#pressure);
         this.highest = most;
         return bytes;
       }
@@ -172,13 +172,13 @@ export class Stage {
 
   /** Volume of the matter that is shown [m^dim]; null where nothing is. */
   get volume() {
-    return this.#frame === null ? null : densityOf(this.#frame, this.#spacing).volume;
+    return this.frame === null ? null : densityOf(this.frame, this.#spacing).volume;
   }
 
   /** Number and type of the particle under a point of the front view, the foremost of those; null where there is none. */
   particleAt([x, y]) {
-    if (this.#frame === null) return null;
-    const { positions, count, dim, ids } = this.#frame;
+    if (this.frame === null) return null;
+    const { positions, count, dim, ids } = this.frame;
     const reach = Math.max(TAP_REACH, this.#spacing) ** 2;
     let [found, best] = [-1, Infinity];
     for (let i = 0; i < count; i += 1) {
@@ -188,7 +188,7 @@ export class Stage {
       if (away <= reach && rank < best) [found, best] = [i, rank];
     }
     if (found < 0) return null;
-    return { particle: ids === null ? found : ids[found], type: (this.#frame.types ?? this.#types)[found] };
+    return { particle: ids === null ? found : ids[found], type: (this.frame.types ?? this.#types)[found] };
   }
 
   /** Begin predictions at this centre of mass from now on; null where there is no particle. */

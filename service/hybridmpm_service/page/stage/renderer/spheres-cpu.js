@@ -1,13 +1,15 @@
-// 3D particles without a graphics card: lit discs written into a picture with a depth buffer of its own.
+// 3D particles without a graphics card: lit discs and the surface of liquids, in a picture with a depth buffer of its own.
 
 import { SAND, WATER } from "../../frames.js";
 import * as palette from "./palette.js";
+import { SurfacePicture } from "./surface-cpu.js";
 
 const SPHERE_SPACINGS = 0.82;
 const SHADES = 6; // colours of one material, by speed or by grain
 const SCALE_STEPS = 32; // colours of a quantity
 const LEVELS = 32; // brightnesses of one colour
 const MAX_SIZE = 640; // pixels of the picture, which is then scaled to the stage
+const MAX_SURFACE_SIZE = 440; // where a liquid is smoothed, which is the expensive part
 
 /** Brightness ramps as packed RGBA (little-endian: red is the lowest byte), by material and shade. */
 const ramps = new Map();
@@ -72,13 +74,22 @@ export class SpherePicture {
   #image = null;
   #pixels = null;
   #depths = null;
+  #surface = new SurfacePicture();
 
   draw(context, view, scene, particles) {
     drawShadows(context, view, scene, particles.positions);
-    this.#resize(Math.min(MAX_SIZE, Math.round(view.width)));
+    // Coloured by a quantity each particle is to be seen.
+    const flows = particles.quantities === null && scene.types.some((type) => type !== SAND);
+    this.#resize(Math.min(flows ? MAX_SURFACE_SIZE : MAX_SIZE, Math.round(view.width)));
     this.#pixels.fill(0);
     this.#depths.fill(-Infinity);
-    for (let i = 0; i < scene.types.length; i += 1) this.#add(view, scene, particles, i);
+    for (let i = 0; i < scene.types.length; i += 1) {
+      if (!flows || scene.types[i] === SAND) this.#add(view, scene, particles, i);
+    }
+    if (flows) {
+      this.#surface.compute(view, scene, particles, this.#size);
+      this.#surface.light(view, this.#pixels, this.#depths);
+    }
     this.#canvas.getContext("2d").putImageData(this.#image, 0, 0);
     context.drawImage(this.#canvas, 0, 0, view.width, view.height);
   }
