@@ -19,7 +19,7 @@ import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces }
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
 import { drawDepths } from "./sketch/depth.js";
 import { Hand } from "./sketch/hand.js";
-import { SeenSketch } from "./sketch/seen.js";
+import { Seen } from "./sketch/seen.js";
 import { widthOfDepth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { scaled } from "./stage/units.js";
@@ -90,10 +90,11 @@ const hand = new Hand({
   changed: refreshSteering,
 });
 const presenter = new Presenter(steering);
-const seen = new SeenSketch({
-  log: async () => scaled(await session.log(), 1 / shown.length),
+const seen = new Seen({
+  sketch: async () => scaled(await session.sketch(), 1 / shown.length),
   changed: () => {
     document.body.dataset.seen = seen.sketch?.kind ?? "";
+    document.body.dataset.hand = String(seen.hand !== null);
     stage.invalidate();
   },
 });
@@ -295,6 +296,7 @@ function onStatus(status) {
   shown.centroid = scaled(status.session, 1 / shown.length).centroid;
   steering.note(status.session.control);
   seen.note(status.session.control, steering.sketch !== null);
+  seen.noteHand(scaled(status.hand, 1 / shown.length), hand.rested, performance.now());
   setPlaying(status.session.playing);
 }
 
@@ -340,6 +342,7 @@ function animate(now) {
   requestAnimationFrame(animate);
   showNewest();
   if (presenter.animate(now)) refreshSteering();
+  if (seen.animate(now)) stage.invalidate();
   if (!stage.draw(now)) return;
   shown.drawnAt.push(now);
   recent.note(now, () => stage.moment);

@@ -30,6 +30,7 @@ from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.inputs import SketchSettings
+from hybridmpm_service.sessions.simulation import Steered
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.work import Report, traced
 
@@ -81,7 +82,18 @@ async def steer_session(
     sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes, session.scene.size)
     most = limits.max_sketch_frames
     _check_frames(settings, most)
-    steered = await session.steer(sketch, most=most, **settings.model_dump())
+    return _body(await session.steer(sketch, most=most, **settings.model_dump()))
+
+
+@router.get("/{session_id}/sketches", responses=problems(404))
+@needs("view")
+async def get_sketch(session_id: SessionId, sessions: Sessions) -> SketchBody | None:
+    """Return the sketch that steers the session and its goal; null where none does."""
+    steered = sessions.get(session_id).simulation.steered
+    return None if steered is None else _body(steered)
+
+
+def _body(steered: Steered) -> SketchBody:
     return SketchBody.of(
         steered.guidance,
         steered.first_frame,

@@ -283,11 +283,13 @@ def _hello(session: Session, version: int) -> str:
 
 def _status(session: Session) -> str:
     history, forces = HistoryBody.of(session), session.simulation.forces()
+    hand = session.simulation.shown_hand
     return _text(
         "status",
         session=_session(session),
         history=None if history is None else history.model_dump(mode="json"),
         forces=None if forces is None else forces.model_dump(mode="json"),
+        hand=None if hand is None else hand.model_dump(mode="json", include={"point", "radius"}),
         **vars(session.simulation.timing()),
     )
 

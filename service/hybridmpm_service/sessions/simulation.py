@@ -313,6 +313,20 @@ class Simulation:
         twin.let_go()
         return twin
 
+    @property
+    def steered(self) -> Steered | None:
+        """The sketch that steers; None without one. Safe to read from any thread."""
+        steering = self._steering
+        if steering is None or steering.control.first_frame is None:
+            return None
+        return Steered(steering.control.number, steering.control.first_frame, steering.guidance)
+
+    @property
+    def shown_hand(self) -> Hand | None:
+        """The hand that pushes; None without one. Safe to read from any thread."""
+        # While a tab is ahead, the hand is that of its frames.
+        return Hand.of(self._noted_hand if self.behind else self.hand)
+
     def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> Steered:
         """Let a guidance steer from the next frame on; it replaces the one before.
 

@@ -49,6 +49,10 @@ _GREENS = """() => {
 """Counts the green pixels over the particles."""
 
 
+_AMBERS = _GREENS.replace("green > red + 60 && green > blue + 60", "red > 220 && green > 180 && blue < 140")
+"""Counts the amber pixels over the particles, which are those of a target."""
+
+
 def _copied(visit: Visit, name: str) -> str:
     visit.page.evaluate("document.getElementById('share-text').textContent = ''")
     visit.page.get_by_role("button", name=name).click()
@@ -215,12 +219,20 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     # What steers is drawn for the viewer as well, and for the player after a reload.
     player.press_until("o", "body.tool === 'oval'")
     player.page.locator("#speed").fill("-2")
+    # So is the hand that pushes.
+    player.press_until("p", "body.tool === 'push'")
+    player.drag([(0.4, 0.3), (0.6, 0.35)], release=False)
+    viewer.wait_for("body.hand === 'true'")
+    player.page.mouse.up()
+    viewer.wait_for("body.hand === 'false'")
+    player.press_until("o", "body.tool === 'oval'")
     player.page.locator("#hold").fill("100")
     player.drag([(0.35, 0.4), (0.65, 0.7)])
     player.wait_for("body.control === 'following'")
     player.press_until("Space", "body.playing === 'false'")
     viewer.wait_for("body.seen === 'ellipse'")
     viewer.eventually(lambda: viewer.page.evaluate(_GREENS) > 100)
+    viewer.eventually(lambda: viewer.page.evaluate(_AMBERS) > 30)
     player.page.reload()
     player.wait_for("body.state === 'live' && body.seen === 'ellipse'")
     # When the session ends, the viewer is told, and may start anew.

@@ -126,7 +126,7 @@ def test_a_bad_seed_in_the_query_is_named(service: Any, seed: str) -> None:
         ("DELETE", "/livez", "GET, HEAD"),
         ("PUT", "/v1/sessions", "GET, HEAD, POST"),
         ("PATCH", "/v1/sessions/x", "DELETE, GET, HEAD"),
-        ("GET", "/v1/sessions/x/sketches", "DELETE, POST"),
+        ("PUT", "/v1/sessions/x/sketches", "DELETE, GET, HEAD, POST"),
     ],
 )
 def test_wrong_addresses_and_methods_are_problems_with_what_is_allowed(

@@ -194,8 +194,11 @@ def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
 
 
 def test_a_sketch_can_be_deleted(service: Any, path: str) -> None:
-    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
+    assert service.http.get(f"{path}/sketches").json() is None
+    made = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30}).json()
+    assert service.http.get(f"{path}/sketches").json() == made
     assert service.http.delete(f"{path}/sketches").status_code == 204
+    assert service.http.get(f"{path}/sketches").json() is None
     assert service.http.get(path).json()["control"] is None
     assert service.http.delete(f"{path}/sketches").status_code == 204
 

@@ -119,6 +119,11 @@ export class SessionClient {
     return request("GET", `${this.path}/pressure`);
   }
 
+  /** The sketch that steers and its goal, as `steer` resolves to; null without one. */
+  sketch() {
+    return request("GET", `${this.path}/sketches`);
+  }
+
   /** What the session can be computed again from. */
   async log() {
     await this.#lead?.flush();

@@ -24,6 +24,7 @@ export function simulated(velocity, speed) {
 
 export class Hand {
   point = null; // where the hand is; null while it is not held
+  rested = -Infinity; // when it was taken away last [ms]; now, while it is held
   #samples = [];
   #timer = 0;
   #handlers;
@@ -37,6 +38,7 @@ export class Hand {
   begin(sample) {
     this.#samples = [sample];
     this.point = sample.point;
+    this.rested = Infinity;
     clearInterval(this.#timer);
     this.#timer = setInterval(() => this.#send(), SEND_MS);
     this.#send();
@@ -56,6 +58,7 @@ export class Hand {
     if (this.point === null) return;
     clearInterval(this.#timer);
     this.point = null;
+    this.rested = performance.now();
     this.#handlers.end();
     this.#handlers.changed();
   }

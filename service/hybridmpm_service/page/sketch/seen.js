@@ -1,9 +1,9 @@
-// The sketch that steers and was not drawn on this page: that of the owner of a session that is watched, or of before a reload.
+// What acts on the session and was not done on this page: sketch, goal and hand of the owner of a session that is watched, or of before a reload.
 
 const OUTLINE_POINTS = 48;
 const STEERS = ["steering", "out_of_reach", "holding"];
 
-/** A sketch of a log, as the page draws sketches: {kind, points, widths}; null for a kind without strokes. */
+/** A sketch of an answer, as the page draws sketches: {kind, points, widths}; null for a kind without strokes. */
 function drawn({ kind, points, widths, center, axes, angle, width }) {
   if (kind === "arrow") return { kind, points, widths: [widths?.[0] ?? 4, widths?.at(-1) ?? 4] };
   if (kind !== "ellipse") return null;
@@ -16,12 +16,18 @@ function drawn({ kind, points, widths, center, axes, angle, width }) {
   return { kind, points: outline, widths: [width ?? 4, width ?? 4] };
 }
 
-export class SeenSketch {
+const GLIDE_MS = 250; // from one status to the next, in which a hand is drawn from place to place
+const OWN_MS = 1000; // after which the server no longer speaks of a hand that has rested here
+
+export class Seen {
   sketch = null; // null while none steers
+  goal = null; // of the sketch
+  hand = null; // {point, radius}; null while none pushes
+  #glide = null; // {from, to, began [ms]} of the hand
   #number = null; // of the sketch that was asked for last
   #parts;
 
-  /** @param parts {log() -> promise of the session's log, in the lengths of the picture; changed()} */
+  /** @param parts {sketch() -> promise of the sketch that steers and its goal, in the lengths of the picture; changed()} */
   constructor(parts) {
     this.#parts = parts;
   }
@@ -36,18 +42,42 @@ export class SeenSketch {
     if (control.number === this.#number) return;
     this.#number = control.number;
     try {
-      const { inputs } = await this.#parts.log();
-      const one = inputs.findLast(({ kind, number }) => kind === "sketch" && number === control.number);
-      if (this.#number === control.number) this.#show(control.number, one === undefined ? null : drawn(one.sketch));
+      const one = await this.#parts.sketch();
+      if (this.#number !== control.number) return;
+      // Another one may have begun meanwhile: the next status says so.
+      if (one?.number === control.number) this.#show(control.number, drawn(one.sketch), one.goal);
     } catch {
-      // Who may not read the log sees the fluid alone.
+      // The connection is broken, which is shown elsewhere, or the sketch has ended.
     }
   }
 
-  #show(number, sketch) {
+  #show(number, sketch, goal = null) {
     this.#number = number;
-    if (sketch === this.sketch) return;
-    this.sketch = sketch;
+    if (sketch === this.sketch && goal === this.goal) return;
+    [this.sketch, this.goal] = [sketch, goal];
     this.#parts.changed();
+  }
+
+  /** Note the hand of a status, {point, radius} or null; one of this page has been taken away at `rested` [ms]. */
+  noteHand(hand, rested, now) {
+    if (hand === null || now < rested + OWN_MS) {
+      const had = this.hand !== null;
+      this.hand = this.#glide = null;
+      if (had) this.#parts.changed();
+      return;
+    }
+    this.#glide = { from: this.hand?.point ?? hand.point, to: hand.point, began: now };
+    this.hand = { ...hand, point: this.#glide.from };
+    this.#parts.changed();
+  }
+
+  /** Move the hand on; true while it moves. */
+  animate(now) {
+    if (this.#glide === null) return false;
+    const { from, to, began } = this.#glide;
+    const part = Math.min(1, Math.max(0, (now - began) / GLIDE_MS));
+    this.hand = { ...this.hand, point: from.map((value, axis) => value + part * (to[axis] - value)) };
+    if (part === 1) this.#glide = null;
+    return true;
   }
 }

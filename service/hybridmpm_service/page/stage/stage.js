@@ -270,8 +270,9 @@ export class Stage {
     if (forces.latest !== null) drawForces(context, this.view, forces.latest);
     if (steering.sketch !== null) this.#drawSteering(context, steering, now);
     else if (presenter.ghost !== null) this.#drawGhost(context, presenter.ghost);
-    else if (seen.sketch !== null) drawSketch(context, this.view, this.#scene, seen.sketch, 0.55);
+    else this.#drawSeen(context, seen);
     if (hand.point !== null) drawHand(context, this.view, hand.point, RADIUS);
+    else if (seen.hand !== null) drawHand(context, this.view, seen.hand.point, seen.hand.radius);
     if (this.#cursor !== null) drawCursor(context, this.#cursor);
   }
 
@@ -286,6 +287,11 @@ export class Stage {
     if (phase === "planning") return;
     if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
     drawGuess(context, this.view, this.#scene, sketch);
+  }
+
+  #drawSeen(context, { sketch, goal }) {
+    if (sketch !== null) drawSketch(context, this.view, this.#scene, sketch, 0.55);
+    if (goal !== null) drawGoal(context, this.view, goal);
   }
 
   #drawGhost(context, { sketch, hand }) {
