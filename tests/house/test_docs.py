@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hybridmpm import SOLVER_VERSION, MpmSolver, _core, scenarios, snapshots
-from hybridmpm.control import guidance
+from hybridmpm.control import guidance, keyframes
 from hybridmpm.hybrid import simulator as hybrid
 from hybridmpm.mpm import stepper
 from hybridmpm.physics import simulator as physics
@@ -111,6 +111,7 @@ def expected() -> dict[str, str]:
         hybrid._MAGIC: hybrid._VERSION,
         auto._MAGIC: auto._VERSION,
         guidance._MAGIC: guidance._VERSION,
+        keyframes._MAGIC: keyframes._VERSION,
     }
     return {magic.decode(): str(version) for magic, version in versions.items()} | {
         joint[:8].decode(): "none"

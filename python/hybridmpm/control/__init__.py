@@ -1,9 +1,10 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
 `parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. A `Shape` is any closed
-outline, which `shape_of_text` and `shape_of_picture` trace. `prepare` returns the effort of
-following one, `follow` lets a simulator follow it frame by frame. `push` is a local force. `reversed_case`
-makes an example of control whose true end is known, and `Oracle` follows it by the forces that lead there.
+outline, which `shape_of_text` and `shape_of_picture` trace. `prepare` returns the effort of following one,
+and `prepare_keyframes` that of several in turn; `follow` lets a simulator follow them, frame by frame. `push`
+is a local force. `reversed_case` makes an example of control whose true end is known, and `Oracle` follows it
+by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
@@ -11,6 +12,7 @@ from hybridmpm.control.goal.goal import Goal, Needs, Obstruction
 from hybridmpm.control.goal.region import Figure, Fill, Oval, Silhouette
 from hybridmpm.control.goal.who import Who
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
+from hybridmpm.control.keyframes import MAX_KEYFRAMES, Keyframe, Leg, Sequence, prepare_keyframes
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
@@ -37,6 +39,7 @@ from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 __all__ = [
     "DEFAULT_CAP",
     "MAX_CAP",
+    "MAX_KEYFRAMES",
     "MAX_OUTLINES",
     "MAX_POINTS",
     "METHODS",
@@ -51,8 +54,10 @@ __all__ = [
     "Following",
     "Goal",
     "Guidance",
+    "Keyframe",
     "Law",
     "Learned",
+    "Leg",
     "Method",
     "Needs",
     "Obstruction",
@@ -60,6 +65,7 @@ __all__ = [
     "Oval",
     "Push",
     "ReversedCase",
+    "Sequence",
     "Shape",
     "Silhouette",
     "Sketch",
@@ -74,6 +80,7 @@ __all__ = [
     "parse_png",
     "parse_strokes",
     "prepare",
+    "prepare_keyframes",
     "push",
     "render_png",
     "resume",

@@ -2,16 +2,17 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypedDict
 
 import numpy as np
+import numpy.typing as npt
 
 from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.control.checks import positive
-from hybridmpm.control.goal.cloud import Cloud
+from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Figure, Fill, Oval, Region, Silhouette
@@ -36,7 +37,7 @@ force: what is below their cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
 """Need over the cap up to which the whole cap is tried: the least force is largest at its ends, and less does
 the same where it acts all the time."""
-_MAGIC, _VERSION = b"HMPMGUID", 3
+_MAGIC, _VERSION = b"HMPMGUID", 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,16 @@ class Guidance:
         return self.goal.cloud.frame
 
     @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) of the particles that are led."""
+        return self.goal.cloud.ids
+
+    @property
+    def weight(self) -> Floats:
+        """Mass of each of them over that of all (N,) [-]."""
+        return self.goal.cloud.weight
+
+    @property
     def total_frames(self) -> int:
         """`frames` and `hold` together."""
         return self.frames + self.hold
@@ -108,14 +119,8 @@ class Guidance:
             The law is of a method of one's own.
         """
         goal = self.goal
-        names = [field.name for field in dataclasses.fields(goal.sketch)]
-        sketch = {name: value for name in names if (value := getattr(goal.sketch, name)) is not None}
         tree = {
-            "kind": goal.sketch.kind,
-            "sketch": {
-                name: np.array(value) if isinstance(value, np.ndarray) else value
-                for name, value in sketch.items()
-            },
+            "sketch": sketch_to_dict(goal.sketch),
             "cloud": vars(goal.cloud),
             "ways": vars(goal.paths),
             "path": goal.path,
@@ -155,23 +160,44 @@ class Guidance:
         """
         with as_snapshot_error("snapshot of a guidance"):
             tree = from_bytes(_MAGIC, _VERSION, data)
-            needs = dict(tree["needs"])
-            needs["obstructions"] = tuple(Obstruction(**one) for one in needs["obstructions"])
-            needs["notes"] = tuple(needs["notes"])
             return cls(
                 goal=_goal_from_dict(tree, scene),
                 law=law_from_dict(tree["law"]),
-                _needs=Needs(**needs),
+                _needs=needs_from_dict(tree["needs"]),
                 **tree["settings"],
             )
+
+
+def sketch_to_dict(sketch: Sketch) -> dict[str, Any]:
+    """Return a sketch as plain data and arrays."""
+    names = [field.name for field in dataclasses.fields(sketch)]
+    found = {name: value for name in names if (value := getattr(sketch, name)) is not None}
+    plain = {
+        name: np.array(value) if isinstance(value, np.ndarray) else value for name, value in found.items()
+    }
+    return {"kind": sketch.kind, **plain}
+
+
+def sketch_from_dict(tree: Mapping[str, Any]) -> Sketch:
+    """Return the sketch of its kind and its fields; those that are None are left out."""
+    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
+    fields = {name: value for name, value in tree.items() if name != "kind" and value is not None}
+    return kinds[tree["kind"]](**fields)
+
+
+def needs_from_dict(tree: Mapping[str, Any]) -> Needs:
+    """Return the needs of `dataclasses.asdict`."""
+    needs = dict(tree)
+    needs["obstructions"] = tuple(Obstruction(**one) for one in needs["obstructions"])
+    needs["notes"] = tuple(needs["notes"])
+    return Needs(**needs)
 
 
 def _goal_from_dict(tree: dict[str, Any], scene: Scene) -> Goal:
     cloud = Cloud(**tree["cloud"])
     room = Room(scene, cloud.frame * cloud.frame_dt)
-    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
     region = tree["region"]
-    sketch = kinds[tree["kind"]](**tree["sketch"])
+    sketch = sketch_from_dict(tree["sketch"])
     return Goal(
         sketch=sketch,
         cloud=cloud,
@@ -295,29 +321,73 @@ def prepare(
     """
     start = time.perf_counter()
     checked_simulator(simulator)
-    largest = positive("cap", cap, MAX_CAP) * positive("strength", strength, 1.0)
-    if fill not in ("even", "shrink"):
-        raise ConfigError(f'fill must be "even" or "shrink", got {fill!r}')
-    if not isinstance(sketch, Arrow | Ellipse | Shape):
-        raise ConfigError(f"sketch must be an Arrow, an Ellipse or a Shape, got {type(sketch).__name__}")
+    settings = Settings.checked(
+        cap=cap, strength=strength, fill=fill, gentle=gentle, resolution=resolution, seed=seed
+    )
+    hold = whole("hold", hold, 0, MAX_FRAMES)
     if frames is not None:
         frames = whole("frames", frames, 1, MAX_FRAMES)
-    settings = {
-        "hold": whole("hold", hold, 0, MAX_FRAMES),
-        "resolution": whole("resolution", resolution, 0, 256),
-        "seed": whole("seed", seed, 0, 2**32 - 1),
-    }
-    longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
-    check_in_world(sketch, simulator.scene.size)
+    longest = whole("most", most, hold + 1, 2 * MAX_FRAMES) - hold
+    check_sketch(sketch, simulator.scene)
     goal = goal_of(sketch, Cloud.of(simulator, who), simulator.scene, fill=fill)
-    needs = goal.needs(frames, largest)
+    needs = goal.needs(frames, settings.cap)
     if frames is None and needs.frames > longest:
-        needs = goal.needs(longest, largest)
-    frames = needs.frames
+        needs = goal.needs(longest, settings.cap)
+    found = planned(simulator, goal, needs, method, settings, hold=hold, on_frame=on_frame)
+    return dataclasses.replace(found, planning_ms=1000 * (time.perf_counter() - start))
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Options that hold for a motion to one goal or to several; `prepare` documents them."""
+
+    cap: float
+    """Largest acceleration [g], `cap` times `strength`."""
+    fill: Fill
+    gentle: bool
+    resolution: int
+    seed: int
+
+    @classmethod
+    def checked(
+        cls, *, cap: float, strength: float, fill: Fill, gentle: bool, resolution: int, seed: int
+    ) -> "Settings":
+        """Return the options, or raise `ConfigError` where one is out of range."""
+        if fill not in ("even", "shrink"):
+            raise ConfigError(f'fill must be "even" or "shrink", got {fill!r}')
+        return cls(
+            cap=positive("cap", cap, MAX_CAP) * positive("strength", strength, 1.0),
+            fill=fill,
+            gentle=gentle,
+            resolution=whole("resolution", resolution, 0, 256),
+            seed=whole("seed", seed, 0, 2**32 - 1),
+        )
+
+
+def check_sketch(sketch: Sketch, scene: Scene) -> None:
+    """Raise `ConfigError` unless something is a sketch, and `SketchError` unless it lies in the world."""
+    if not isinstance(sketch, Arrow | Ellipse | Shape):
+        raise ConfigError(f"sketch must be an Arrow, an Ellipse or a Shape, got {type(sketch).__name__}")
+    check_in_world(sketch, scene.size)
+
+
+def planned(
+    simulator: Simulator,
+    goal: Goal,
+    needs: Needs,
+    method: str | Method,
+    settings: Settings,
+    *,
+    hold: int,
+    on_frame: Callable[[], object] | None = None,
+) -> Guidance:
+    """Return the guidance to a goal whose needs are known; arguments are otherwise those of `prepare`."""
+    start = time.perf_counter()
+    frames, largest = needs.frames, settings.cap
     planner, reason = chosen(method, simulator.scene, goal)
     blocked = any(one.reason in ("wall", "obstacle", "shape") for one in needs.obstructions)
     hurried = needs.acceleration > _STRAIN * largest
-    if gentle and isinstance(method, str) and (blocked or hurried):
+    if settings.gentle and isinstance(method, str) and (blocked or hurried):
         largest = min(largest, ease(largest))
         if hurried:
             goal = goal.within(frames, largest)
@@ -325,10 +395,12 @@ def prepare(
     task = Task(
         goal=goal,
         frames=frames,
-        fill=fill,
+        hold=hold,
+        fill=settings.fill,
         cap=largest,
+        resolution=settings.resolution,
+        seed=settings.seed,
         on_frame=on_frame or (lambda: None),
-        **settings,
     )
     try:
         law = planner.plan(simulator, task)
@@ -342,7 +414,7 @@ def prepare(
         method=planner.name,
         reason=reason,
         frames=frames,
-        hold=settings["hold"],
+        hold=hold,
         planning_ms=1000 * (time.perf_counter() - start),
         _needs=needs,
     )

@@ -23,7 +23,7 @@ OfIds = tuple[npt.NDArray[np.uint64], Floats32]
 ANEW = 20
 """Frames after which particles are given places in a shape anew."""
 AHEAD_FRAMES = 24
-"""Distance ahead at which the force aims on a path with corners [frames]."""
+"""`Tracked.ahead` if none is given."""
 BANDWIDTH = (100.0, 300.0)
 """Rate at which an error of the position decays, at the start and at the end [1/s]."""
 _VELOCITY = 1.0
@@ -196,6 +196,8 @@ class Tracked:
     """Fields of a `RoomGrid`, for paths around obstacles; None without obstacles."""
     unit: float = 1.0
     """Longest side of the world [m]; the tracks are computed in such lengths."""
+    ahead: int = AHEAD_FRAMES
+    """Distance ahead at which the force aims on a path with corners [frames]."""
 
     @classmethod
     def along(
@@ -207,8 +209,13 @@ class Tracked:
         cap: float,
         grid: RoomGrid | None,
         unit: float = 1.0,
+        ahead: int = AHEAD_FRAMES,
     ) -> "Tracked":
-        """Return the law of a motion; `cells` are those along the longest side of the world, `unit` [m]."""
+        """Return the law of a motion; `cells` are those along the longest side of the world, `unit` [m].
+
+        Where the motion ends with a velocity, it is continued, so that the force can aim ahead until then.
+        """
+        motion = motion.onward(ahead * cloud.frame_dt)
         paths = motion.paths
         times = motion.times.astype(np.float32)
         # Corners in one place have times that are equal in float32.
@@ -232,6 +239,7 @@ class Tracked:
             if grid is None
             else {"lower": grid.lower, "spacing": grid.spacing, "distance": grid.distance},
             unit=unit,
+            ahead=ahead,
         )
 
     @property
@@ -257,7 +265,7 @@ class Tracked:
             offset=self.offset / unit,
             gravity=(self.gravity / unit).tolist(),
             shortest=SHORTEST_FRAMES * self.frame_dt,
-            ahead=AHEAD_FRAMES * self.frame_dt,
+            ahead=self.ahead * self.frame_dt,
             cells=self.cells,
             cap=self.cap / unit,
             space=None if room is None else RoomGrid(**room).space,
@@ -298,6 +306,10 @@ class Settled:
     """Side of a cell [m]."""
     start: int
     """Number of frames after which places are matched anew for the first time."""
+    frames: int
+    """Number of frames in which the region is to be reached."""
+    velocity: Floats | None = None
+    """Velocity (D,) [m/s] with which the filled region moves then, and from `start` on; None for rest."""
     found: list[list[Any]] = field(default_factory=list)
     """The last times: number of each, frame in which places were matched, and force to them."""
 
@@ -313,14 +325,14 @@ class Settled:
         known = [one for one in self.found if one[0] == time and one[1] <= index]
         # In its first frame nothing known counts: the simulator may have returned to it on another way.
         if not known or after == 0:
-            known = [[time, index, self._matched(simulator)]]
+            known = [[time, index, self._matched(simulator, self.frames - index)]]
             self.found[:] = [one for one in self.found if one[0] == time - 1] + known
         _, first, tracked = known[0]
         force: Floats32 | OfIds | None = tracked.force(simulator, index - first)
         return force
 
-    def _matched(self, simulator: Simulator) -> Tracked:
-        """Return the force to places that are matched from the present state."""
+    def _matched(self, simulator: Simulator, left: int) -> Tracked:
+        """Return the force to places that are matched from the present state, with some frames left."""
         law = self.moving
         x = law.places.copy()  # of particles that are gone
         v = np.zeros_like(x)
@@ -339,10 +351,17 @@ class Settled:
             partial=not is_whole(simulator, len(law.ids)),
         )
         grid = None if law.room is None else RoomGrid(**law.room)
-        paths = Paths.matched(cloud, self.cells, grid, self.side)
-        motion = paths.timed((SHORTEST_FRAMES + 1) * law.frame_dt)
+        soon = (SHORTEST_FRAMES + 1) * law.frame_dt
+        if self.velocity is None:
+            motion = Paths.matched(cloud, self.cells, grid, self.side).timed(soon)
+        else:
+            seconds = left * law.frame_dt
+            paths = Paths.matched(cloud, self.cells - seconds * self.velocity, grid, self.side)
+            paths = dataclasses.replace(paths.shifted(soon * self.velocity), end=self.velocity)
+            motion = paths.timed(soon).onward(seconds)
         # What smooths the force would lead what is left between two arms like the arms.
-        return Tracked.along(motion, cloud, cells=0, cap=law.cap, grid=grid, unit=law.unit)
+        unit, ahead = law.unit, SHORTEST_FRAMES
+        return Tracked.along(motion, cloud, cells=0, cap=law.cap, grid=grid, unit=unit, ahead=ahead)
 
 
 LAWS: dict[str, type[Unforced | Uniform | Tracked | Settled | Retraced | Diffused]] = {

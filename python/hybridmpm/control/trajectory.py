@@ -78,6 +78,8 @@ class ControlledTrajectory:
     """Distance from the goal."""
     ending: Ending
     """End of the run."""
+    passed: tuple[SketchResult, ...] = ()
+    """Distances from the goals of several in turn, each at its time."""
 
     def __repr__(self) -> str:
         run = f"{len(self.ids)} particles, {self.frames} frames from frame {self.first_frame}"

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.control.goal.region import Oval
 from hybridmpm.control.guidance import Guidance
-from hybridmpm.control.laws import AHEAD_FRAMES, Settled, Tracked
+from hybridmpm.control.laws import Settled, Tracked
 from hybridmpm.errors import ConfigError
 
 _MAGIC, _VERSION = b"HMWY", 2
@@ -40,7 +40,7 @@ def ways_file(guidance: Guidance) -> bytes:
         struct.pack("<4sIIIII", _MAGIC, _VERSION, *settings),
         struct.pack("<df", law.frame_dt, unit),
         np.concatenate([law.gravity / unit, size]).astype("<f4").tobytes(),
-        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, AHEAD_FRAMES * law.frame_dt, law.cap / unit),
+        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, law.ahead * law.frame_dt, law.cap / unit),
         _array(law.starts, "<u4"),
         _array(law.times, "<f4"),
         _array(law.x / unit, "<f4"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hybridmpm.cli.progress import progress
-from hybridmpm.control import ControlledTrajectory, Guidance, Sketch, follow
+from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
 from hybridmpm.decisions import Decision, Mode, Span, spans
 from hybridmpm.recording import Recording
 from hybridmpm.recording.recording import check_size
@@ -131,7 +131,7 @@ def run_control(
     report : callable
         Called with lines of text: what the sketch needs, before it is followed, and what was reached.
     settings : dict
-        Arguments of `follow`.
+        Arguments of `prepare`.
     """
     check_size(start + after + 1, simulator.particle_count, simulator.dim)
     tracks = Tracks(simulator, start + 1, "positions", "velocities")
@@ -141,8 +141,8 @@ def run_control(
             simulator.advance(1)
             tracks.take(simulator.frame)
             bar.update(1)
-    following = follow(simulator, sketch, **settings)
-    guidance = following.guidance
+    guidance = prepare(simulator, sketch, **settings)
+    following = Following(simulator, guidance)
     report(f"method {guidance.method}: {guidance.reason}")
     report(f"needs {guidance.needs()}")
     total = guidance.total_frames + after

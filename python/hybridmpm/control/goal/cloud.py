@@ -43,7 +43,7 @@ class Cloud:
     """Whether there are other particles, too, on which no force acts."""
 
     @classmethod
-    def of(cls, simulator: Simulator, who: Who | None = None) -> Self:
+    def of(cls, simulator: Simulator, who: Who | npt.NDArray[np.uint64] | None = None) -> Self:
         """Return the present particles of a simulator, or those of them that `who` chooses.
 
         Raises
@@ -58,6 +58,8 @@ class Cloud:
         scene = simulator.scene
         rows = slice(None) if who is None else chosen(simulator, who)
         mass = simulator.mass[rows].astype(np.float64)
+        if not len(mass):
+            raise ConfigError("none of the particles that are to be led is there any more")
         return cls(
             ids=simulator.ids[rows],
             x=simulator.positions[rows].astype(np.float64),

@@ -109,6 +109,8 @@ _SOLID = 0.5
 """Share of elastic mass from which on a body is led round obstacles as a whole only."""
 _SETTLING = 60
 """Largest number of frames at the end in which particles are given places of a shape anew."""
+_SLOWER = 4
+"""Number of velocities, each half of the one before, with which a shape may pass."""
 _OF_THREE = 3
 """Frames of which at most one is for that."""
 _LEAST_CELLS = 4
@@ -177,6 +179,26 @@ class Goal:
     def moving(self, frames: int) -> int:
         """Return for how many of a number of frames the motion lasts; what is left is for settling."""
         return frames - min(_SETTLING, frames // _OF_THREE) if self.settles else frames
+
+    def moved(self, frames: int) -> Paths:
+        """Return the paths of the motion in a number of frames; what settles goes on with its velocity."""
+        if not self.settles or self.paths.end is None:
+            return self.paths
+        settling = (frames - self.moving(frames)) * self.cloud.frame_dt
+        return self.paths.shifted(-settling * self.paths.end)
+
+    def carrying(self, velocity: Floats) -> "Goal":
+        """Return the goal that is passed with a velocity (D,) [m/s].
+
+        It is less where the filled region would come from beyond the walls, and none among obstacles.
+        """
+        room, region = self.room, self.region
+        for _ in range(0 if room.scene.obstacles else _SLOWER):
+            way = _SETTLING * self.cloud.frame_dt * velocity if self.settles else np.zeros(len(velocity))
+            if region is None or room.within_walls(region.cells - way).all():
+                return dataclasses.replace(self, paths=dataclasses.replace(self.paths, end=velocity))
+            velocity = velocity / 2
+        return self
 
     def _in_all(self, moving: int) -> int:
         """Return the smallest number of frames, a multiple of 5 as `moving` is, that leave so many for it."""
@@ -282,7 +304,7 @@ class Goal:
         suggested = self.suggested_frames(cap)
         frames = suggested if frames is None else frames
         seconds = self.moving(frames) * self.cloud.frame_dt
-        effort = self.paths.timed(seconds).effort(self.cloud.gravity)
+        effort = self.moved(frames).timed(seconds).effort(self.cloud.gravity)
         obstructions = [*self._closed_in(), *self._choked(frames)]
         if effort.acceleration > cap:
             obstructions.append(self._too_weak(frames, effort.acceleration, cap))

@@ -121,6 +121,8 @@ class Paths:
     paths then have equally many corners."""
     pace: Floats | None = None
     """Path (K, D) [m] that times those who go together; None for that of their centre of mass."""
+    end: Floats | None = None
+    """Velocity of all at the end (D,) [m/s]; None for rest."""
 
     @classmethod
     def of_groups(
@@ -209,6 +211,12 @@ class Paths:
         places = self.places + (corners - self.corners)[ends][self.group]
         return dataclasses.replace(self, places=places, corners=corners)
 
+    def shifted(self, by: Floats) -> "Paths":
+        """Return paths whose ends are shifted by a vector (D,) [m], with all places."""
+        corners = self.corners.copy()
+        corners[self.starts[1:] - 1] += by
+        return dataclasses.replace(self, places=self.places + by, corners=corners)
+
     def held_back(self, x: Floats, room: Room) -> "Paths":
         """Return paths on which those who are cut off go straight on, in their shape, until something is hit.
 
@@ -274,7 +282,7 @@ class Paths:
         return np.asarray(self.places - self.corners[self.starts[1:] - 1][self.group])
 
     def timed(self, seconds: float) -> "Motion":
-        """Return all paths timed for the least acceleration and rest at the end.
+        """Return all paths timed for the least acceleration, with `end` as the last velocity.
 
         Paths for `together` get the times of their mean.
         """
@@ -286,11 +294,12 @@ class Paths:
         first = self.starts[:-1][straight]
         times[first + 1] = seconds
         v[first] = self.velocity[straight]
-        rest = [0.0] * self.corners.shape[1]
+        end = [0.0] * self.corners.shape[1] if self.end is None else self.end.tolist()
+        v[first + 1] = end
         for group in np.flatnonzero(~straight):
             knots = slice(self.starts[group], self.starts[group + 1])
             points = np.ascontiguousarray(self.corners[knots])
-            timing = _core.least_acceleration(points, self.velocity[group].tolist(), rest, seconds)
+            timing = _core.least_acceleration(points, self.velocity[group].tolist(), end, seconds)
             times[knots], v[knots] = timing.times, timing.velocities
         return Motion(self, times, v)
 
@@ -298,12 +307,13 @@ class Paths:
         count, dim = len(self.weight), self.corners.shape[1]
         corners = self.corners.reshape(count, -1, dim)
         rest = [0.0] * dim
+        end = np.zeros(dim) if self.end is None else self.end
         if self.pace is not None:
             timing = _core.least_acceleration(self.pace, rest, rest, seconds)
         else:
             mean = np.tensordot(self.weight, corners, axes=1)
-            timing = _core.least_acceleration(mean, self.velocity[0].tolist(), rest, seconds)
-        v = _spline_velocities(timing.times, corners, self.velocity)
+            timing = _core.least_acceleration(mean, self.velocity[0].tolist(), end.tolist(), seconds)
+        v = spline_velocities(timing.times, corners, self.velocity, end)
         return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
 
 
@@ -321,19 +331,20 @@ def _kept(places: Floats, cells: Floats, side: float) -> Floats:
     return moved
 
 
-def _spline_velocities(times: Floats, corners: Floats, start: Floats) -> Floats:
+def spline_velocities(times: Floats, corners: Floats, start: Floats, end: Floats) -> Floats:
     """Return the velocities (G, K, D) in the corners of cubic splines that share their times (K,).
 
-    The velocities at the start are (G, D), those at the end 0, and accelerations are continuous.
+    The velocities at the start are (G, D), those at the end (D,), and accelerations are continuous.
     """
     h = np.diff(times)
     v = np.zeros_like(corners)
-    v[:, 0] = start
+    v[:, 0], v[:, -1] = start, end
     if len(h) > 1:
         slope = np.diff(corners, axis=1) / h[:, None]
         matrix = np.diag(2 / h[:-1] + 2 / h[1:]) + np.diag(1 / h[1:-1], 1) + np.diag(1 / h[1:-1], -1)
         right = 3 * (slope[:, :-1] / h[:-1, None] + slope[:, 1:] / h[1:, None])
         right[:, 0] -= start / h[0]
+        right[:, -1] -= end / h[-1]
         # One inverse for all groups; numpy would factorise the matrix for each of them.
         v[:, 1:-1] = np.linalg.inv(matrix) @ right
     return v
@@ -348,6 +359,22 @@ class Motion:
     """Time of each corner (K,), from 0 on [s]."""
     v: Floats
     """Velocity in each corner (K, D) [m/s]."""
+
+    def onward(self, seconds: float) -> "Motion":
+        """Return the motion gone on for a time with the velocity at its end, where it has one."""
+        paths = self.paths
+        if paths.end is None:
+            return self
+        last, count = paths.starts[1:].astype(int), np.arange(len(paths.weight) + 1, dtype=np.uint32)
+        way = seconds * paths.end
+        longer = dataclasses.replace(
+            paths,
+            places=paths.places + way,
+            starts=paths.starts + count,
+            corners=np.insert(paths.corners, last, paths.corners[last - 1] + way, axis=0),
+        )
+        times = np.insert(self.times, last, self.times[last - 1] + seconds)
+        return Motion(longer, times, np.insert(self.v, last, self.v[last - 1], axis=0))
 
     def effort(self, gravity: Floats) -> "Effort":
         """Return the accelerations of the motion besides gravity, in g."""

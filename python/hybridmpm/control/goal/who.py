@@ -29,8 +29,8 @@ _REACH = 0.02
 _FORMS = 'must be the index of a body, "water", "sand", "elastic", a stroke or {"particle": number}'
 
 
-def chosen(simulator: Simulator, who: Who) -> npt.NDArray[np.bool_]:
-    """Return which of the present particles of a simulator are chosen, (N,).
+def chosen(simulator: Simulator, who: Who | npt.NDArray[np.uint64]) -> npt.NDArray[np.bool_]:
+    """Return which of the present particles of a simulator are chosen, (N,); an array contains their numbers.
 
     Raises
     ------
@@ -39,6 +39,8 @@ def chosen(simulator: Simulator, who: Who) -> npt.NDArray[np.bool_]:
     SketchError
         A stroke is out of range.
     """
+    if isinstance(who, np.ndarray):
+        return np.isin(simulator.ids, who)
     if isinstance(who, str):
         if who not in MATERIALS:
             raise ConfigError(f"who {_FORMS}, got {who!r}{did_you_mean(who, tuple(MATERIALS))}")

@@ -30,8 +30,9 @@ class Analytic:
         if not goal.settles or goal.region is None:
             return task.tracked(goal.paths, share=arrival(task, goal.paths))
         start = goal.moving(task.frames)
-        tracked = task.tracked(goal.paths, share=start / task.frames)
-        return Settled(tracked, goal.region.cells, goal.region.side, start)
+        tracked = task.tracked(goal.moved(task.frames), share=start / task.frames)
+        region = goal.region
+        return Settled(tracked, region.cells, region.side, start, task.frames, goal.paths.end)
 
 
 def arrival(task: Task, paths: Paths, early: float = _EARLY) -> float:
