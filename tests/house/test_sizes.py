@@ -31,7 +31,7 @@ LIMITS = {
     # 215 lines compute runs of the service again from their logs, and film them.
     # 950 lines give places in shapes anew, and lead from keyframe to keyframe.
     # 65 lines sum forces only where they are read.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 38_585),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_015),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 30 compute runs of the page again.
     "command line": (("python/hybridmpm/cli/**.py",), 2_795),
@@ -56,7 +56,8 @@ LIMITS = {
     # 1 110 lines are for keys: their file and command, scopes, owners, quotas, links; 50 copy state folders.
     # 20 lines show the stage in frames of other sites.
     # 220 lines compress the page's files once, and make one file of the modules of its start.
-    "service": (("service/**.py",), 12_420),
+    # 200 lines take shapes and keyframes over HTTP.
+    "service": (("service/**.py",), 12_620),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
