@@ -293,6 +293,10 @@ class AsyncSession:
         answer: Json = (await self._post("sketches", **_sketch(drawing, kind, settings))).json()
         return answer
 
+    async def sketch(self) -> Json | None:
+        """Return the sketch that steers and its goal, as `steer` has returned it; None without one."""
+        return await self._get("sketches")
+
     async def force(self) -> Json:
         """Return the force on the fluid in the next frame besides gravity, as means over cells."""
         return await self._get("force")

@@ -155,6 +155,7 @@ class Session(_Waiting[AsyncSession]):
     steer = _waits(AsyncSession.steer)
     force = _waits(AsyncSession.force)
     pressure = _waits(AsyncSession.pressure)
+    sketch = _waits(AsyncSession.sketch)
     release = _waits(AsyncSession.release)
     trace = _waits(AsyncSession.trace)
     record = _makes(AsyncSession.record, Job)

@@ -78,6 +78,7 @@ def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pyt
             session.decisions(),
             session.steer(ARROW),
             session.force(),
+            session.sketch(),
             session.pressure(),
             session.release(),
         ),
