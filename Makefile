@@ -40,8 +40,9 @@ test: test-rust test-python ## set up, then the whole default test suite
 test-rust: ## tests of the Rust crates alone; they need no Python
 	cargo test --locked
 
+# Tests wait for servers and browsers a third of their time: one worker more than there are cores.
 test-python: dev ## tests of library, service and page on all cores; lists the slowest
-	$(BIN)/pytest --numprocesses auto --durations 10
+	$(BIN)/pytest --numprocesses $$(($$($(BIN)/python -c 'import os; print(os.cpu_count())') + 1)) --durations 10
 
 # Two of them take ten minutes and wait for most of it, so workers take tests from each other.
 test-all: test ## the default suite, then the long twins of its tests, within an hour on two cores

@@ -8,7 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 from tests.browser.conftest import LiveService
+
+from hybridmpm import Scene
 
 ROOT = Path(__file__).parents[3]
 BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
@@ -59,6 +62,18 @@ BEFORE: dict[str, Callable[[Path], None]] = {
     "docs/guide/networks.md": with_a_network,
     "docs/guide/scenes.md": with_a_scene,
 }
+
+
+def test_scene_files_of_the_guide_are_scenes() -> None:
+    """Parts of a file are put into a scene of one ball."""
+    ball = {"shape": "ball", "material": "water", "center": [0.5, 0.3], "radius": 0.05}
+    whole = {"dim": 2, "resolution": 64, "bodies": [ball]}
+    pages = sorted((ROOT / "docs" / "guide").glob("*.md"))
+    files = [code for page in pages for code in blocks(str(page.relative_to(ROOT)), "yaml")]
+    assert len(files) > 4
+    for file in files:
+        part = yaml.safe_load(file)
+        assert Scene.parse(whole | part)
 
 
 @pytest.mark.long

@@ -12,6 +12,8 @@ from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.http import answers, creation, jobs, logs, requests, sketches
+from hybridmpm_service.http.answers import HistoryBody
+from hybridmpm_service.sessions.view import Forces
 
 INTERFACE = Path(__file__).parents[3] / "docs" / "reference" / "http-api.md"
 MODELS = {
@@ -48,6 +50,19 @@ def test_it_lists_exactly_the_operations_of_the_contract(document: dict[str, Any
     rows = re.findall(r"^\| `([A-Z]+) ([^`?]+)", INTERFACE.read_text(encoding="utf-8"), re.MULTILINE)
     found = [(method.upper(), re.sub("{.*_id}", "{id}", path)) for method, path, _ in _operations(document)]
     assert sorted([*found, ("WS", "/v1/sessions/{id}/stream")]) == sorted(rows)
+
+
+def test_examples_of_the_contract_name_fields_that_there_are(document: dict[str, Any], service: Any) -> None:
+    records = [set(schema.get("properties", {})) for schema in document["components"]["schemas"].values()]
+    with service.stream(service.create()) as stream:
+        hello = stream.text("hello")
+    # What streams alone send.
+    records += [set(hello), *(set(model.model_fields) for model in (Forces, HistoryBody))]
+    examples = re.findall(r"```json\n(.*?)```", INTERFACE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(examples) > 12
+    for example in examples:
+        fields = set(json.loads(example))
+        assert any(fields <= record for record in records), f"no body has the fields {sorted(fields)}"
 
 
 def test_every_reference_resolves(document: dict[str, Any]) -> None:
