@@ -1,8 +1,8 @@
 //! Obstacles in prescribed motion.
 
-mod common;
-
-use common::{Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities, water};
+use crate::common::{
+    Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities, water,
+};
 use mpm::{
     Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings,
     Substeps, Swing, Vector,

@@ -1,8 +1,6 @@
 //! Laws of particles that lose their deviations from the grid's velocity at a rate per time.
 
-mod common;
-
-use common::{Bodies, elastic, positions, run, sand, settings, velocities, water};
+use crate::common::{Bodies, elastic, positions, run, sand, settings, velocities, water};
 use mpm::{
     Contact, ContactKind, Force, Material, MpmError, Obstacle, Shape, Solver, SolverSettings,
     Substeps, Vector, Walls,

@@ -1,8 +1,6 @@
 //! Errors of users, after which the state is unchanged.
 
-mod common;
-
-use common::{Bodies, elastic, positions, run, settings, water};
+use crate::common::{Bodies, elastic, positions, run, settings, water};
 use mpm::{Force, Material, MpmError, Particles, Solver, Substeps};
 
 fn drop() -> Bodies {

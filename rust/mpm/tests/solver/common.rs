@@ -1,5 +1,4 @@
 //! Scenes for the tests: lattices of particles in the default box.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use mpm::{
     Contact, ContactKind, Force, Material, MpmError, Obstacle, Openings, Particles, Solver,

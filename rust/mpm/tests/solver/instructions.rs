@@ -1,8 +1,6 @@
 //! The bits of a simulation do not depend on the vector instructions of the processor.
 
-mod common;
-
-use common::{Bodies, elastic, run, sand, settings, water};
+use crate::common::{Bodies, elastic, run, sand, settings, water};
 use mpm::{Instructions, Sleep};
 
 /// The state after some frames of two bodies that fall into each other, in each set of instructions.

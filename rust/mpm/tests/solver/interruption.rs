@@ -1,11 +1,9 @@
 //! Frames that end early: no look of the watch may leave anything behind.
 
-mod common;
-
 use std::cell::Cell;
 use std::rc::Rc;
 
-use common::{Bodies, elastic, settings, water};
+use crate::common::{Bodies, elastic, settings, water};
 use mpm::{
     Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings, Vector,
 };

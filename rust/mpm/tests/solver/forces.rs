@@ -1,8 +1,6 @@
 //! External accelerations: for each particle, for all of them alike, and where particles come and go.
 
-mod common;
-
-use common::{Bodies, FRAME, GRAVITY, run, sand, settings, velocities, water};
+use crate::common::{Bodies, FRAME, GRAVITY, run, sand, settings, velocities, water};
 use mpm::{Emitter, Force, Material, Openings, Shape, Sleep, Solver, SolverSettings, Vector};
 
 #[test]

@@ -1,8 +1,6 @@
 //! Laws of bodies that meet.
 
-mod common;
-
-use common::{Bodies, FRAME, GRAVITY, elastic, run, sand, settings, velocities, water};
+use crate::common::{Bodies, FRAME, GRAVITY, elastic, run, sand, settings, velocities, water};
 use mpm::{Contact, ContactKind, Force, Material, Solver, SolverSettings, Vector, Walls};
 
 const SOFT: f32 = 3.0e5;
@@ -227,7 +225,7 @@ fn bodies_that_do_not_touch_move_as_if_they_were_one() {
     run(&mut apart, 20);
     run(&mut as_one, 20);
     let bits = |solver: &Solver<2>| {
-        let numbers = [common::positions(solver), velocities(solver)].concat();
+        let numbers = [crate::common::positions(solver), velocities(solver)].concat();
         numbers.iter().map(|s| s.to_bits()).collect::<Vec<_>>()
     };
     assert!(bits(&apart) == bits(&as_one));

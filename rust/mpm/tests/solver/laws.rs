@@ -1,8 +1,6 @@
 //! Laws of whole simulations.
 
-mod common;
-
-use common::{
+use crate::common::{
     BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities,
     water,
 };

@@ -1,8 +1,6 @@
 //! Obstacles act where their surface is.
 
-mod common;
-
-use common::{
+use crate::common::{
     BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, settings, velocities, water,
 };
 use mpm::{

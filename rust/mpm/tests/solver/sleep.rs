@@ -1,8 +1,6 @@
 //! Regions at rest: which particles sleep, causes of waking, and effects on the result.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use mpm::{
     Contact, ContactKind, Force, Motion, Obstacle, Shape, Sleep, Solver, SolverSettings, Vector,
 };

@@ -1,8 +1,6 @@
 //! A start file gives the solver that wrote it, or is refused.
 
-mod common;
-
-use common::{Bodies, elastic, run, sand, settings, water};
+use crate::common::{Bodies, elastic, run, sand, settings, water};
 use mpm::{
     CoarseParticles, Contact, ContactKind, Motion, MpmError, Obstacle, Particles, Shape, Solver,
     Start, Upsampler, UpsamplingConstants, Vector,
