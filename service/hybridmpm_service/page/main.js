@@ -1,8 +1,9 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
 import { goTo, keep, kept, placeOf } from "./address.js";
+import { Problem } from "./client.js";
 import { decodeFrame, decodeTypes, lengthOf, ProtocolError, SAND, WATER } from "./frames.js";
-import { Problem, request } from "./net/api.js";
+import { client } from "./net/api.js";
 import { Keeper } from "./net/keeper.js";
 import { onKeyNeeded, useLink } from "./net/key.js";
 import { Polled } from "./net/polled.js";
@@ -526,7 +527,7 @@ async function arrive() {
 /** Whether the server still has a session. */
 async function goesOn(id) {
   try {
-    await request("GET", `/v1/sessions/${encodeURIComponent(id)}`);
+    await client.session(id);
     return true;
   } catch (problem) {
     return problem.status !== 404;
@@ -642,8 +643,8 @@ onKeyNeeded(async (refused) => {
 livePanel.showRenderer(stage.rendererKind);
 refreshSteering();
 useLink(linkIn(window.location.hash));
-const modelsKnown = request("GET", "/v1/models").then(
-  (answer) => setModels(answer.models),
+const modelsKnown = client.models().then(
+  setModels,
   () => {
     // Without networks there is MPM.
   },
@@ -654,8 +655,8 @@ modelsKnown.then(() => {
   document.getElementById("pipeline-3d").hidden = solverFor(PIPELINE_3D.scene.scenario) === "mpm";
 });
 arrive();
-request("GET", "/v1/scenarios").then(
-  (answer) => showScenarios(answer.scenarios, shown.chosen),
+client.scenarios().then(
+  (scenarios) => showScenarios(scenarios, shown.chosen),
   () => {
     // The session's own attempt to connect already shows that the server is away.
   },

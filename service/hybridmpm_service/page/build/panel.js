@@ -1,6 +1,6 @@
 // The dialog for building a scene: things are placed by mouse, finger or keyboard, checked by the server, and simulated.
 
-import { request } from "../net/api.js";
+import { client } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
 import { Draft } from "./draft.js";
 import { showForm } from "./form.js";
@@ -72,7 +72,7 @@ async function check() {
   }
   setText("build-status", "The scene is being checked.");
   try {
-    const answer = await request("POST", "/v1/checks", { scene: draft.scene });
+    const answer = await client.check({ scene: draft.scene });
     if (number === state.number) showAnswer(answer);
     return answer;
   } catch (problem) {

@@ -1,17 +1,18 @@
 // The gallery: pictures of richer scenes than the scenarios.
 
-import { Problem, request } from "../net/api.js";
+import { Problem } from "../client.js";
+import { client } from "../net/api.js";
 import { byId } from "../panels/dom.js";
 
 let parts = null; // {open, show, toast}, from openGallery
 
-const entriesKnown = () => request("GET", "gallery/entries.json");
+const entriesKnown = () => client.json("GET", "gallery/entries.json");
 
 /** A scene of the gallery by its name, {scene, coarse}; the level may be absent. Throws Problem where there is none. */
 export async function exhibit(name) {
   const { scenes } = await entriesKnown();
   if (!Object.hasOwn(scenes, name)) throw new Problem("Not in the gallery", "", 404);
-  return { scene: await request("GET", `gallery/${name}.json`), coarse: scenes[name].coarse };
+  return { scene: await client.json("GET", `gallery/${name}.json`), coarse: scenes[name].coarse };
 }
 
 /** What plays a demonstration of the gallery, as in presets.js. Throws Problem where there is none of this name. */

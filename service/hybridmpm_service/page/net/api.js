@@ -1,6 +1,7 @@
-// HTTP calls to the service. Each failure becomes a Problem, with advice for the user.
+// The client of this page: that of ../client.js with the key of this tab, and with advice for its user.
 
-import { headers, present, renewed } from "./key.js";
+import { Client, Problem } from "../client.js";
+import { present, renewed } from "./key.js";
 
 const ADVICE = {
   401: "Ask the operator of the server for a key, or whoever sent the link for a new one.",
@@ -11,9 +12,9 @@ const ADVICE = {
   503: "Close a simulation in another tab, or wait a minute, then try again.",
 };
 
-const ADVICE_BY_TYPE = {
-  "urn:hybridmpm:problem:model-damaged": "Choose MPM, or contact the operator of the server.",
-  "urn:hybridmpm:problem:simulation-failed": "Return to the start (r), or start a new simulation.",
+const ADVICE_BY_KIND = {
+  "model-damaged": "Choose MPM, or contact the operator of the server.",
+  "simulation-failed": "Return to the start (r), or start a new simulation.",
 };
 
 /** Advice about a refused body, by the end of the address. */
@@ -22,80 +23,35 @@ const ADVICE_ON_BODY = {
   sessions: "Choose another scenario or seed in the scene panel, or correct the file that was opened.",
 };
 
-/** A request that the server refused or that never reached it. */
-export class Problem extends Error {
-  /**
-   * @param {string} title   short description
-   * @param {string} detail  exact description, with the field and its range where the server names them
-   * @param {number} status  HTTP status, 0 when there was no answer
-   * @param {string} type    name of the kind of problem, where the server gives one
-   * @param {string} path    address of the call; empty for a command of the stream
-   */
-  constructor(title, detail, status, type = "", path = "") {
-    super(detail ? `${title}: ${detail}` : title);
-    this.title = title;
-    this.detail = detail;
-    this.status = status;
-    const onBody = status === 422 ? ADVICE_ON_BODY[path.split("/").at(-1)] : undefined;
-    this.advice = ADVICE_BY_TYPE[type] ?? onBody ?? ADVICE[status] ?? "";
-  }
+/** A problem with what its user can do; `path` is the address of the call, empty for a command of the stream. */
+export function advised(problem, path = "") {
+  const onBody = problem.status === 422 ? ADVICE_ON_BODY[path.split("/").at(-1)] : undefined;
+  problem.advice = ADVICE_BY_KIND[problem.kind] ?? onBody ?? ADVICE[problem.status] ?? "";
+  return problem;
 }
 
-async function problemOf(response, path) {
-  try {
-    const body = await response.json();
-    const fields = (body.errors ?? []).map((error) => `${error.field}: ${error.message}`);
-    const detail = fields.length > 0 ? fields.join("; ") : body.detail;
-    return new Problem(body.title ?? response.statusText, detail ?? "", response.status, body.type, path);
-  } catch {
-    return new Problem("The server answered with an error", `status ${response.status}`, response.status);
+class PageClient extends Client {
+  constructor() {
+    super(new URL("./", document.baseURI));
   }
-}
 
-/** The whole address of a path of the service, which need not be at the root of its host. */
-export const at = (path) => new URL(path.replace(/^\//, "./"), document.baseURI);
-
-/** Make a call with the key that there is, or that the user is asked for, and return its answer. */
-async function call(path, options = {}) {
-  for (;;) {
-    const sent = present();
-    let response;
-    try {
-      response = await fetch(at(path), { ...options, headers: { ...options.headers, ...headers() } });
-    } catch {
-      throw new Problem("The server does not answer", "Check that it is still running.", 0);
+  /** Make a call with the key that there is, or that the user is asked for. */
+  async call(method, path, options) {
+    for (;;) {
+      const sent = (this.key = present());
+      try {
+        return await super.call(method, path, options);
+      } catch (problem) {
+        if (!(problem instanceof Problem)) throw problem;
+        if (problem.status !== 401 || !(await renewed(sent))) throw advised(problem, path);
+      }
     }
-    if (response.ok) return response;
-    if (response.status !== 401 || !(await renewed(sent))) throw await problemOf(response, path);
+  }
+
+  socket(id) {
+    this.key = present();
+    return super.socket(id);
   }
 }
 
-/**
- * Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success.
- *
- * @param signal an AbortSignal that cancels the call
- */
-export async function request(method, path, body, signal) {
-  const response = await call(path, {
-    method,
-    headers: body === undefined ? {} : { "Content-Type": "application/json" },
-    body: body === undefined ? undefined : JSON.stringify(body),
-    signal,
-  });
-  return response.status === 204 ? null : response.json();
-}
-
-/** Make a GET call and return the body of its answer as it is. Throws as `request`. */
-export async function requestFile(path, accept = "*/*") {
-  const response = await call(path, { headers: { Accept: accept } });
-  return response.blob();
-}
-
-const LEAVE_SECONDS = 60; // in which a reload, or the browser's Back, finds a session again
-
-/** Leave a session, perhaps while the page closes: it ends soon, unless the page comes back to it. */
-export function abandon(path) {
-  fetch(at(`${path}?after=${LEAVE_SECONDS}`), { method: "DELETE", keepalive: true, headers: headers() }).catch(() => {
-    // The session expires by itself when the server cannot be reached.
-  });
-}
+export const client = new PageClient();

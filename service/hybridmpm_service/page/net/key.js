@@ -5,7 +5,6 @@
 // address, behind the #, and is kept nowhere else.
 
 const NAME = "hybridmpm-key";
-const PROTOCOL = "hybridmpm";
 
 let link = null; // the token of a link; null without one
 let token = stored();
@@ -32,12 +31,6 @@ export function onKeyNeeded(handler) {
 
 /** The token that calls carry at present; null without one. */
 export const present = () => link ?? token;
-
-/** Headers of a call. */
-export const headers = () => (present() === null ? {} : { Authorization: `Bearer ${present()}` });
-
-/** Subprotocols of a stream: browsers send no headers with it. */
-export const protocols = () => (present() === null ? [] : [PROTOCOL, present()]);
 
 /** Whether a call that was refused is worth another try: it had `sent`, and there is another key by now. */
 export async function renewed(sent) {

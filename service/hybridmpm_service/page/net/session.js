@@ -1,11 +1,18 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
-import { abandon, at, Problem, request, requestFile } from "./api.js";
-import { protocols } from "./key.js";
-import { VERSION } from "../frames.js";
+import { Problem, Session } from "../client.js";
+import { advised, client } from "./api.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
 const RETRY_SECONDS = [0.5, 1, 2, 4, 5];
+const LEAVE_SECONDS = 60; // in which a reload, or the browser's Back, finds a session again
+
+/** Leave a session, perhaps while the page closes: it ends soon, unless the page comes back to it. */
+function abandon(session) {
+  session.delete({ after: LEAVE_SECONDS, keepalive: true }).catch(() => {
+    // The session expires by itself when the server cannot be reached.
+  });
+}
 
 /**
  * The connection to one session. Its states are "connecting" (at first), "live", "reconnecting" (the server does
@@ -22,7 +29,7 @@ export class SessionClient {
   #state = "connecting";
   #lead = null; // computes the frames in this tab; null where the server does so, and until it is loaded
   #hello = null; // the latest greeting
-  path = null;
+  #session = null; // the session; null without one
 
   /**
    * @param handlers {onState(state, info), onHello, onStatus, onProblem, onFrame(ArrayBuffer), onHome(isHere),
@@ -40,7 +47,7 @@ export class SessionClient {
     const { onFrame: frame, onHome: changed, lengthOf } = this.#handlers;
     this.#lead = new Lead({
       send: (message) => this.#state === "live" && this.#socket.send(JSON.stringify(message)),
-      start: async () => (await requestFile(`${this.path}/start`)).arrayBuffer(),
+      start: () => this.#session.startFile(),
       frame,
       changed,
       lengthOf,
@@ -50,6 +57,10 @@ export class SessionClient {
 
   get state() {
     return this.#state;
+  }
+
+  get id() {
+    return this.#session?.id ?? null;
   }
 
   /** Whether this tab computes the frames. */
@@ -62,13 +73,12 @@ export class SessionClient {
     const generation = this.#leave();
     this.#enter("connecting");
     try {
-      const session = await request("POST", "/v1/sessions", body);
-      const path = `/v1/sessions/${session.id}`;
+      const session = await client.create(body);
       if (generation !== this.#generation) {
-        abandon(path);
+        abandon(session);
         return;
       }
-      this.path = path;
+      this.#session = session;
       this.#owned = true;
       this.#connect(generation);
     } catch (problem) {
@@ -85,7 +95,7 @@ export class SessionClient {
   attach(id, { watches = false, owned = false } = {}) {
     const generation = this.#leave();
     this.#watches = watches;
-    this.path = `/v1/sessions/${encodeURIComponent(id)}`;
+    this.#session = new Session(client, { id });
     this.#owned = owned;
     this.#enter("connecting");
     return this.#resume(generation);
@@ -106,17 +116,17 @@ export class SessionClient {
    */
   async steer(stroke, settings, signal) {
     await this.#lead?.end();
-    return request("POST", `${this.path}/sketches`, { strokes: [stroke], ...settings }, signal);
+    return this.#session.steer(stroke, settings, { signal });
   }
 
   /** The mean acceleration that steers the particles of each cell of a coarse grid, besides gravity. */
   force() {
-    return request("GET", `${this.path}/force`);
+    return this.#session.force();
   }
 
   /** The mean pressure of the particles of each cell of a grid; only MPM computes it. */
   pressure() {
-    return request("GET", `${this.path}/pressure`);
+    return this.#session.pressure();
   }
 
   /** The sketch that steers and its goal, as `steer` resolves to; null without one. */
@@ -127,29 +137,29 @@ export class SessionClient {
   /** What the session can be computed again from. */
   async log() {
     await this.#lead?.flush();
-    return request("GET", `${this.path}/log`);
+    return this.#session.log();
   }
 
   /** All particles as a file: "npz", "ply" or "vtp". */
   async particles(kind) {
     await this.#lead?.flush();
-    return requestFile(`${this.path}/particles`, `application/x-${kind}`);
+    return this.#session.particlesFile(kind);
   }
 
   /** Begin a session that goes on from the present state by itself; answers it. */
   async fork() {
     await this.#lead?.flush();
-    return request("POST", `${this.path}/fork`);
+    return this.#session.fork();
   }
 
   /** A link with which others watch the session: {token, until, page}. Only a service with keys makes one. */
   link() {
-    return request("POST", `${this.path}/links`, {});
+    return this.#session.link();
   }
 
   /** Let no sketch steer the simulation any more. */
   release() {
-    return request("DELETE", `${this.path}/sketches`);
+    return this.#session.release();
   }
 
   /** Try again at once instead of waiting for the next attempt. */
@@ -171,8 +181,8 @@ export class SessionClient {
     this.#lead?.leave();
     this.#socket?.close();
     this.#socket = null;
-    if (this.#owned && this.path !== null) abandon(this.path);
-    this.path = null;
+    if (this.#owned && this.#session !== null) abandon(this.#session);
+    this.#session = null;
     this.#owned = this.#watches = false;
     return this.#generation;
   }
@@ -185,7 +195,7 @@ export class SessionClient {
   /** Call over HTTP first: it distinguishes a missing server from a missing session, unlike a failed WebSocket. */
   async #resume(generation) {
     try {
-      await request("GET", this.path);
+      await this.#session.refresh();
     } catch (problem) {
       if (generation !== this.#generation) return;
       if (problem instanceof Problem && [401, 403, 404].includes(problem.status)) this.#enter("lost", { problem });
@@ -203,10 +213,7 @@ export class SessionClient {
   }
 
   #connect(generation) {
-    const address = at(`${this.path}/stream?version=${VERSION}`);
-    address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
-    const socket = new WebSocket(address, protocols());
-    socket.binaryType = "arraybuffer";
+    const socket = client.socket(this.id);
     this.#socket = socket;
     socket.addEventListener("message", ({ data }) => {
       if (generation !== this.#generation) return;
@@ -237,7 +244,8 @@ export class SessionClient {
       // It was for the lead alone.
     } else if (message.type === "problem") {
       if (this.#lead?.refuses(message.problem)) return;
-      this.#handlers.onProblem(new Problem(message.title, message.detail, message.status ?? 0, message.problem));
+      const { title, detail, status = 0, problem: type } = message;
+      this.#handlers.onProblem(advised(new Problem(title, detail, status, { type })));
     }
   }
 }

@@ -1,6 +1,6 @@
 // The dialog that finds the fastest or the most accurate method for the scene.
 
-import { request } from "../net/api.js";
+import { client } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
 import { drawPlans } from "./chart.js";
 
@@ -44,7 +44,7 @@ function show(answer) {
 async function ask(scene) {
   setText("plan-problem", "");
   try {
-    show(await request("POST", "/v1/plans", { ...scene, ...demand() }));
+    show(await client.plan({ ...scene, ...demand() }));
   } catch (problem) {
     show(null);
     setText("plan-problem", problem.detail || problem.title);

@@ -1,6 +1,6 @@
 // A film of what was seen: the kept pictures are drawn again, and the browser records them as they pass.
 
-import { Problem } from "../net/api.js";
+import { Problem } from "../client.js";
 import { Stage } from "../stage/stage.js";
 
 // The first one that the browser can record. Phones and messengers show mp4, not all show webm.

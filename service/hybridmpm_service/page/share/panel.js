@@ -2,7 +2,7 @@
 
 import { packed } from "./log-link.js";
 import { asCurl, asPython } from "./snippets.js";
-import { at } from "../net/api.js";
+import { client } from "../net/api.js";
 import { present } from "../net/key.js";
 import { byId, setText } from "../panels/dom.js";
 
@@ -44,17 +44,16 @@ const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?
 
 const ACTIONS = {
   link: async () => {
-    const link = `${at("/").href}#${await packed("replay", await parts.session.log())}`;
+    const link = `${client.at("/").href}#${await packed("replay", await parts.session.log())}`;
     if (link.length > LONGEST_LINK) report("This run has too many inputs for a link: save it as a file.");
     else await copy(link, "A link that computes this run again");
   },
   watch: async () => {
-    const id = parts.session.path.split("/").at(-1);
-    const page = present() === null ? `/?watch=${id}` : (await parts.session.link()).page;
-    await copy(at(page).href, "A link to watch this simulation while it is open");
+    const page = present() === null ? `/?watch=${parts.session.id}` : (await parts.session.link()).page;
+    await copy(client.at(page).href, "A link to watch this simulation while it is open");
   },
   python: async () => copy(await asPython(await parts.session.log()), "Python for this run"),
-  curl: async () => copy(asCurl(await parts.session.log(), at("/").href, present() !== null), "A shell command for this run"),
+  curl: async () => copy(asCurl(await parts.session.log(), client.at("/").href, present() !== null), "A shell command for this run"),
   film: async () => {
     const { film } = await import("./film.js");
     const seconds = (value) => value.toFixed(1);
