@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web licences wheel release clean
+.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web types licences wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -72,6 +72,9 @@ site: setup ## write the gallery as pages that play, a static folder for any web
 
 web: ## build the WebAssembly modules of playing pages; rust/web/build.sh names what it needs
 	rust/web/build.sh
+
+types: setup ## write the types of the client in JavaScript anew, after calls of the service have changed
+	$(BIN)/python -m hybridmpm_service.typescript
 
 docs: setup $(VENV)/.docs ## the documentation as a site in dist/docs, which needs no server and no network
 	$(BIN)/python -m sphinx --fail-on-warning --quiet -c docs/sphinx . $(DIST)/docs

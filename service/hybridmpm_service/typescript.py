@@ -13,7 +13,7 @@ from hybridmpm_service.settings import Settings
 
 FILE = PAGE / "api.d.ts"
 """File of the types."""
-_HEAD = """// What calls of the service take and return, as its OpenAPI document has it; `make types` writes this file.
+_HEAD = """// What calls of the service take and return, by its OpenAPI document. `make types` writes this.
 // A field that may be absent has a default.
 """
 _PLAIN = {"integer": "number", "number": "number", "string": "string", "boolean": "boolean", "null": "null"}
@@ -39,23 +39,24 @@ def _interface(name: str, schema: Mapping[str, Any]) -> str:
 
 
 def _type(schema: Mapping[str, Any]) -> str:
+    kind = schema.get("type", "")
     if "$ref" in schema:
-        return str(schema["$ref"]).rpartition("/")[2]
-    if "const" in schema:
-        return json.dumps(schema["const"])
-    if "enum" in schema:
-        return " | ".join(map(json.dumps, schema["enum"]))
-    if choices := schema.get("anyOf") or schema.get("oneOf"):
-        return " | ".join(dict.fromkeys(map(_type, choices)))
-    if schema.get("type") == "array":
-        if "prefixItems" in schema:
-            return f"[{', '.join(map(_type, schema['prefixItems']))}]"
+        text = str(schema["$ref"]).rpartition("/")[2]
+    elif "const" in schema or "enum" in schema:
+        text = " | ".join(map(json.dumps, schema.get("enum", [schema.get("const")])))
+    elif choices := schema.get("anyOf") or schema.get("oneOf"):
+        text = " | ".join(dict.fromkeys(map(_type, choices)))
+    elif "prefixItems" in schema:
+        text = f"[{', '.join(map(_type, schema['prefixItems']))}]"
+    elif kind == "array":
         item = _type(schema["items"])
-        return f"({item})[]" if "|" in item else f"{item}[]"
-    if schema.get("type") == "object":
+        text = f"({item})[]" if "|" in item else f"{item}[]"
+    elif kind == "object":
         values = schema.get("additionalProperties")
-        return f"Record<string, {_type(values) if isinstance(values, dict) else 'unknown'}>"
-    return _PLAIN.get(schema.get("type", ""), "unknown")
+        text = f"Record<string, {_type(values) if isinstance(values, dict) else 'unknown'}>"
+    else:
+        text = _PLAIN.get(kind, "unknown")
+    return text
 
 
 if __name__ == "__main__":

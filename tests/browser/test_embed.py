@@ -85,19 +85,65 @@ def test_other_sites_may_not_show_it(visit: Visit, folder: Path, port: int) -> N
     visit.errors.clear()  # the browser itself reports the refusal
 
 
-@pytest.mark.long
-def test_a_page_of_ones_own_draws_and_pushes(
+def test_an_element_shows_a_scene_and_is_commanded(visit: Visit, folder: Path, port: int) -> None:
+    visit.page.goto(f"http://127.0.0.1:{port}/element.html")
+    visit.page.wait_for_function(
+        "() => Number(document.getElementById('text').textContent.split(' ')[0]) > 0.2"
+    )
+    look = """() => {
+      const { state, status } = document.querySelector("hybridmpm-view");
+      return [state, status.playing, status.particles];
+    }"""
+    state, playing, particles = visit.page.evaluate(look)
+    assert (state, playing) == ("live", True)
+    assert particles > 1000
+    (frame,) = visit.page.frames[1:]
+    assert frame.title() == "Drop - hybridmpm"
+    visit.page.evaluate("""() => {
+      window.least = Infinity;
+      const note = ({ detail: { time } }) => (window.least = Math.min(window.least, time));
+      document.querySelector("hybridmpm-view").addEventListener("frame", note);
+    }""")
+    visit.page.get_by_role("button", name="again").click()
+    visit.page.wait_for_function("() => window.least < 0.2")
+    visit.page.evaluate("() => document.querySelector('hybridmpm-view').pause()")
+    frame.wait_for_function("() => document.body.dataset.playing === 'false'")
+
+
+def test_a_page_of_another_site_pushes_and_leads_by_the_client(
     visit: Visit, folder: Path, service: LiveService, port: int
 ) -> None:
-    visit.page.goto(f"http://127.0.0.1:{port}/stream.html")
-    visit.page.wait_for_function("() => /^frame [1-9]/.test(document.getElementById('text').textContent)")
+    visit.page.goto(f"http://127.0.0.1:{port}/push.html")
+    visit.page.wait_for_function("() => Number(document.querySelector('canvas').dataset.frame) > 0")
     box = visit.page.locator("canvas").bounding_box()
     at = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in ((0.4, 0.7), (0.6, 0.6))]
     visit.page.mouse.move(*at[0])
     visit.page.mouse.down()
     visit.page.mouse.move(*at[1], steps=4)
     visit.page.mouse.up()
-    session = service.get("/v1/sessions")["sessions"][-1]["id"]
-    visit.eventually(lambda: len(service.get(f"/v1/sessions/{session}/log")["inputs"]) > 1)
+    visit.page.get_by_role("button").click()
+    visit.page.wait_for_function("() => / g .*frames/.test(document.getElementById('text').textContent)")
+    path = f"/v1/sessions/{service.get('/v1/sessions')['sessions'][-1]['id']}"
+    visit.eventually(
+        lambda: {"push", "sketch"} <= {one["kind"] for one in service.get(f"{path}/log")["inputs"]}
+    )
+    blue = "() => document.querySelector('canvas').getContext('2d').getImageData(0, 0, 800, 800).data"
+    assert visit.page.evaluate(f"({blue})().filter((byte, i) => i % 4 === 2 && byte === 255).length") > 5000
+    script = """async (service) => {
+      const { Client } = await import(`${service}/client.js`);
+      const created = new Client(service).create({ scenario: "water_2d", seed: -1 });
+      const { message, status, kind, fields } = await created.catch((problem) => problem);
+      return { message, status, kind, fields: fields.map(({ field }) => field) };
+    }"""
+    problem = visit.page.evaluate(script, service.url)
+    assert (problem["status"], problem["fields"]) == (422, ["body.seed"])
+    assert problem["message"].startswith("The request is not valid: body.seed: ")
+    visit.errors.clear()  # the browser itself reports the refusal
+
+
+@pytest.mark.long
+def test_a_page_of_ones_own_draws_the_stream(visit: Visit, folder: Path, port: int) -> None:
+    visit.page.goto(f"http://127.0.0.1:{port}/stream.html")
+    visit.page.wait_for_function("() => /^frame [1-9]/.test(document.getElementById('text').textContent)")
     blue = "() => document.querySelector('canvas').getContext('2d').getImageData(0, 0, 800, 800).data"
     assert visit.page.evaluate(f"({blue})().filter((byte, i) => i % 4 === 2 && byte === 255).length") > 5000

@@ -2,8 +2,10 @@
 
 import base64
 import math
+import re
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Error, Page
 from tests.python.control.hand_drawn import SKETCHES
 
+import hybridmpm_service
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
 from hybridmpm.control import classify_stroke
 from hybridmpm.stream_frames import Frame, Population, decode, encode
@@ -120,6 +123,71 @@ def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int
 def test_foreign_frame_is_refused(page: Page, message: bytes) -> None:
     with pytest.raises(Error, match=r"frame|bytes"):
         _decode(page, message)
+
+
+_EACH_CALL = """async () => {
+  const { Client, Job, Session } = await import("/client.js");
+  const calls = [];
+  const lists = ["sessions", "jobs", "scenarios", "models", "decisions", "positions", "velocities", "types"];
+  const answer = { id: "ID", ...Object.fromEntries(lists.map((name) => [name, []])) };
+  const fetch = async (address, { method, body, headers }) => {
+    const sent = Object.keys(typeof body === "string" ? JSON.parse(body) : {});
+    calls.push([method, address.pathname, [...address.searchParams.keys(), ...sent], headers]);
+    return Response.json(answer);
+  };
+  const client = new Client("http://service.example/below", { key: "KEY", fetch });
+  const session = new Session(client, { id: "ID", dim: 2 });
+  const job = new Job(client, { id: "ID" });
+  const stroke = { points: [[0.3, 0.3], [0.5, 0.5]], kind: "arrow" };
+  const methods = [
+    [client, {
+      ready: [], scenarios: [], scenario: ["NAME", 1], models: [], plan: [{ scenario: "NAME", budget_ms: 1 }],
+      check: [{ scene: {} }], create: [{ scenario: "NAME", seed: 1, coarse: "1/16" }], sessions: [],
+      session: ["ID"], makeDataset: [{ scenario: "NAME", trajectories: 1 }], jobs: [], job: ["ID"],
+    }],
+    [session, {
+      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], startFile: [], fork: [], log: [],
+      decisions: [], steer: [stroke, { hold: 3 }], release: [], force: [], pressure: [],
+      trace: [stroke.points, {}, { stride: 2 }], record: [{ frames: 3, format: "gif" }],
+      link: [{ seconds: 9 }], takeLinksBack: [], delete: [{ after: 60 }],
+    }],
+    [job, { refresh: [], result: [], delete: [] }],
+  ];
+  for (const [one, each] of methods) {
+    for (const [name, given] of Object.entries(each)) await one[name](...given);
+  }
+  const named = methods.map(([, each]) => Object.keys(each));
+  const names = [Client, Session, Job].map((kind) => Object.getOwnPropertyNames(kind.prototype));
+  return { calls, named, names };
+}"""
+
+
+def test_the_client_has_each_call_of_the_service_and_nothing_else(page: Page, service: LiveService) -> None:
+    """Calls and fields by the OpenAPI document, and methods by the declared types."""
+    made = page.evaluate(_EACH_CALL)
+    document = service.get("/openapi.json")
+    ids = {"{session_id}": "ID", "{name}": "NAME", "{job_id}": "ID"}
+    there = {}
+    for path, methods in document["paths"].items():
+        place = "/".join(ids.get(part, part) for part in path.split("/"))
+        there.update({(method.upper(), place): operation for method, operation in methods.items()})
+    calls = {(method, path.removeprefix("/below")) for method, path, _, _ in made["calls"]}
+    assert all(path.startswith("/below/") for _, path, _, _ in made["calls"])
+    assert calls == set(there) - {("GET", "/livez")}  # which supervisors request
+    for method, path, fields, headers in made["calls"]:
+        assert headers["Authorization"] == "Bearer KEY"
+        operation = there[method, path.removeprefix("/below")]
+        content = operation.get("requestBody", {}).get("content", {"application/json": {"schema": {}}})
+        schema = content["application/json"]["schema"]
+        schema = document["components"]["schemas"].get(schema.get("$ref", "").rpartition("/")[2], {})
+        known = {one["name"] for one in operation.get("parameters", ())} | set(schema.get("properties", ()))
+        assert set(fields) <= known, (method, path)
+    types = (Path(hybridmpm_service.__file__).parent / "page" / "client.d.ts").read_text(encoding="utf-8")
+    common = {"constructor", "at", "call", "json", "socket", "stream", "events"}
+    for kind, names, named in zip(("Client", "Session", "Job"), made["names"], made["named"], strict=True):
+        declared = re.search(rf"export class {kind} {{\n(.*?)\n}}", types, re.DOTALL)[1]
+        assert set(re.findall(r"^  (\w+)\(", declared, re.MULTILINE)) | common == {*names, *common}
+        assert set(names) <= {*named, *common}
 
 
 def test_the_page_takes_free_strokes_for_what_the_library_takes_them_for(page: Page) -> None:

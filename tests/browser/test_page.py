@@ -156,8 +156,17 @@ def test_particles_that_come_and_go_are_drawn(open_page: Open, service: LiveServ
     assert np.count_nonzero(red > blue + 50) > 500
 
 
-ON_DEMAND = ("build/", "gallery/", "plan/", "share/", "panels/key-panel.js", "net/lead")
-"""Folders and files of parts that are loaded on demand."""
+ON_DEMAND = (
+    "build/",
+    "gallery/",
+    "plan/",
+    "share/",
+    "panels/key-panel.js",
+    "net/lead",
+    "net/host.js",
+    "element.js",
+)
+"""Folders and files of parts that are loaded on demand, or by other pages."""
 IN_WORKERS = {"net/lead-frames.js", "net/lead-worker.js"}
 """Parts of these that a worker loads, for which a document is missing."""
 

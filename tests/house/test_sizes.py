@@ -58,7 +58,8 @@ LIMITS = {
     # 220 lines compress the page's files once, and make one file of the modules of its start.
     # 200 lines take shapes and keyframes over HTTP.
     # 30 lines show viewers the goals of sketches, and hands.
-    "service": (("service/**.py",), 12_650),
+    # 70 lines write the types of the client in JavaScript.
+    "service": (("service/**.py",), 12_720),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.

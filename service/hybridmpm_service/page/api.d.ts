@@ -1,4 +1,4 @@
-// What calls of the service take and return, as its OpenAPI document has it; `make types` writes this file.
+// What calls of the service take and return, by its OpenAPI document. `make types` writes this.
 // A field that may be absent has a default.
 
 export interface AdvanceSession {

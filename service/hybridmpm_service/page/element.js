@@ -15,10 +15,11 @@ export class HybridmpmView extends HTMLElement {
   static observedAttributes = ["service", "scene", "link", ...PLACES, ...LOOKS];
 
   /** Token of a key, for a service with keys. It is given to the service's page alone, and never part of an address. */
-  key = null;
+  key = this.key ?? null; // it may have been set before this module was loaded
   #frame = document.createElement("iframe");
   #port = null;
   #scene = null;
+  #gave = null; // the key that the frame has got
   #isDue = false;
   #state = "connecting";
   #status = null;
@@ -28,6 +29,10 @@ export class HybridmpmView extends HTMLElement {
     super();
     const root = this.attachShadow({ mode: "open" });
     root.adoptedStyleSheets = [look];
+    if (Object.hasOwn(this, "scene")) {
+      this.#scene = this.scene;
+      delete this.scene;
+    }
     this.#frame.allow = "fullscreen";
     root.append(this.#frame);
   }
@@ -102,13 +107,16 @@ export class HybridmpmView extends HTMLElement {
     const { port1, port2 } = new MessageChannel();
     this.#port?.close();
     this.#port = port1;
+    this.#gave = null;
     port1.onmessage = ({ data: message }) => this.#receive(message);
     source.postMessage({ hybridmpm: "element" }, origin, [port2]);
   }
 
   #receive({ type, detail }) {
     if (type === "key") {
-      this.#port.postMessage({ type, key: detail.refused && detail.refused === this.key ? null : this.key });
+      const key = this.key === this.#gave ? null : this.key; // one that was refused is not tried again
+      this.#gave = key;
+      this.#port.postMessage({ type, key });
       return;
     }
     if (type === "state") this.#state = detail;

@@ -157,6 +157,19 @@ function refreshSteering() {
   stage.invalidate();
 }
 
+// ---- to the page around this one, where it is shown by an element ----
+
+let host = null;
+const isFramed = query.get("element") === "1" && window.parent !== window;
+const hostKnown = isFramed
+  ? import("./net/host.js").then(({ Host }) => {
+      host = new Host({ command: (message) => session.send(message), present: () => session });
+      return host;
+    })
+  : null;
+const tellHost = (type, detail) => host?.tell(type, detail);
+const problemOf = ({ title, detail, status, type }) => ({ title, detail, status, type });
+
 // ---- from the server ----
 
 const keeper = new Keeper(() => session.log());
@@ -172,6 +185,8 @@ function onState(state, { seconds, problem, deleted }) {
     return;
   }
   messages.showState(state, silence.is);
+  tellHost("state", state);
+  if (problem) tellHost("problem", problemOf(problem));
   messages.showBanner(bannerOf(state, seconds, problem));
   refreshSteering();
   if (state === "connecting") messages.showSkeleton("Connecting to the simulation");
@@ -289,6 +304,7 @@ function showSession(hello) {
 
 function onStatus(status) {
   silence.hear();
+  tellHost("status", status.session);
   if (ownsSession()) keeper.note(status.session);
   livePanel.showStatus(status);
   trackForces(status.session.frame, status.forces);
@@ -312,6 +328,7 @@ function setPlaying(value) {
 
 function onProblem(problem) {
   messages.toast(problem);
+  tellHost("problem", problemOf(problem));
 }
 
 function onFrame(buffer) {
@@ -325,6 +342,7 @@ function showNewest() {
     const frame = decodeFrame(shown.message);
     stage.show(frame);
     livePanel.showFrame(frame);
+    tellHost("frame", { number: frame.frame, time: frame.time });
     // The volume takes a pass over all particles, so one frame in so many has to do.
     trackFrame(frame, shown.frames++ % VOLUME_EVERY === 0 ? stage.volume : null);
     messages.hideSkeleton();
@@ -637,6 +655,8 @@ for (const kind of ["pointerdown", "keydown", "wheel"]) {
 // ---- start ----
 
 onKeyNeeded(async (refused) => {
+  const given = await (await hostKnown)?.key();
+  if (given) return given;
   const { askForKey } = await import("./panels/key-panel.js");
   return askForKey(refused);
 });

@@ -14,6 +14,7 @@ from hybridmpm_service import Settings, create_app
 from hybridmpm_service.http import answers, creation, jobs, logs, requests, sketches
 from hybridmpm_service.http.answers import HistoryBody
 from hybridmpm_service.sessions.view import Forces
+from hybridmpm_service.typescript import FILE, types
 
 INTERFACE = Path(__file__).parents[3] / "docs" / "reference" / "http-api.md"
 MODELS = {
@@ -142,3 +143,11 @@ def test_forms_that_cannot_be_read_are_described(document: dict[str, Any], servi
 
 def test_it_is_served(service: Any, document: dict[str, Any]) -> None:
     assert service.http.get("/openapi.json").json() == json.loads(json.dumps(document))
+
+
+def test_the_types_of_the_client_are_those_of_the_document() -> None:
+    assert FILE.read_text(encoding="utf-8") == types(), "run `make types`"
+    assert (
+        "export interface SessionBody {\n  /** Name of the session in its address. */\n  id: string;\n"
+        in types()
+    )

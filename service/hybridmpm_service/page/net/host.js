@@ -28,12 +28,12 @@ export class Host {
     this.#port?.postMessage({ type, detail });
   }
 
-  /** The key that the page around has; null where it has none but the one that was `refused`. */
-  async key(refused) {
+  /** The key that the page around has; null where it has none but the one that it gave before. */
+  async key() {
     await this.#arrived;
     return new Promise((resolve) => {
       this.#keys.push(resolve);
-      this.tell("key", { refused });
+      this.tell("key", null);
     });
   }
 }
