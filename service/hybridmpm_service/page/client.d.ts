@@ -114,6 +114,8 @@ export class Session {
   decisions(): Promise<api.DecisionBody[]>;
   /** Let a sketch steer the session; `signal` takes it back as long as there is no answer. */
   steer(drawing: Drawing, settings?: SketchSettings, options?: CallOptions): Promise<api.SketchBody>;
+  /** The sketch that steers and its goal, as `steer` has answered it; null without one. */
+  sketch(): Promise<api.SketchBody | null>;
   /** Let no sketch steer the session any more. */
   release(): Promise<null>;
   force(): Promise<api.ForceBody>;

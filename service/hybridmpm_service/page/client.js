@@ -216,6 +216,10 @@ export class Session {
     return this.#client.json("POST", `${this.#path}/sketches`, sketchOf(drawing, settings), { signal });
   }
 
+  sketch() {
+    return this.#client.json("GET", `${this.#path}/sketches`);
+  }
+
   release() {
     return this.#client.json("DELETE", `${this.#path}/sketches`);
   }

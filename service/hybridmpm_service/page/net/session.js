@@ -131,7 +131,7 @@ export class SessionClient {
 
   /** The sketch that steers and its goal, as `steer` resolves to; null without one. */
   sketch() {
-    return request("GET", `${this.path}/sketches`);
+    return this.#session.sketch();
   }
 
   /** What the session can be computed again from. */
