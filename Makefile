@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web types licences wheel release clean
+.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web types licences npm wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -91,11 +91,19 @@ wheel: $(VENV)/.release ## the library's wheel for this platform in dist; WHEEL_
 	perl -pi -e 's|\Q$(CURDIR)\E|/hybridmpm|g' target/wheel/packed/*/*.dist-info/sboms/*.json
 	mkdir -p $(DIST) && $(BIN)/python -m wheel pack --dest-dir $(DIST) target/wheel/packed/*/
 
-release: wheel ## all that a release consists of in dist, with checksums and its text; uploads nothing
+# npm sets the times in the archive itself.
+npm: ## the client in JavaScript as a package for npm in dist; needs npm, and uploads nothing
+	rm -rf $(DIST)/npm && mkdir -p $(DIST)/npm/share
+	cp service/npm/* LICENSE $(DIST)/npm
+	cd service/hybridmpm_service/page && cp api.d.ts client.* element.* frames.js $(abspath $(DIST))/npm && cp share/log-link.js $(abspath $(DIST))/npm/share
+	cd $(DIST)/npm && npm pack --silent --pack-destination ..
+	rm -r $(DIST)/npm
+
+release: wheel npm ## all that a release consists of in dist, with checksums and its text; uploads nothing
 	$(BIN)/maturin sdist --out $(DIST)
 	cd service && ../$(BIN)/python -m hatchling build --directory $(abspath $(DIST))
 	awk '/^## /{n++} n==1' CHANGELOG.md >$(DIST)/RELEASE.md
-	cd $(DIST) && sha256sum *.whl *.tar.gz >SHA256SUMS && cat SHA256SUMS
+	cd $(DIST) && sha256sum *.whl *.tar.gz *.tgz >SHA256SUMS && cat SHA256SUMS
 
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist

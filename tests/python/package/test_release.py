@@ -32,7 +32,7 @@ def released(folder: Path) -> list[Path]:
     environment = {name: value for name, value in os.environ.items() if name not in hidden}
     command = ["make", "release", f"DIST={folder}", f"PYTHON={sys.executable}"]
     subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
-    return sorted(folder.glob("*.whl")) + sorted(folder.glob("*.tar.gz"))
+    return [file for kind in ("whl", "tar.gz", "tgz") for file in sorted(folder.glob(f"*.{kind}"))]
 
 
 @pytest.mark.long
@@ -42,7 +42,7 @@ def test_a_release_is_reproducible_and_serves_without_a_compiler(tmp_path: Path)
     shutil.rmtree(ROOT / "target" / "wheel")
     second = released(tmp_path / "second")
     assert [file.name for file in first] == [file.name for file in second]
-    assert len(first) == 4, "a wheel and the sources of the library and of the service"
+    assert len(first) == 5, "a wheel and the sources of library and service, and the client for npm"
     assert "manylinux" in first[0].name
     assert "abi3" in first[0].name
     assert [file.read_bytes() for file in first] == [file.read_bytes() for file in second]
