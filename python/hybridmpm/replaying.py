@@ -6,7 +6,7 @@ import gzip
 import json
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,8 @@ import numpy as np
 
 from hybridmpm import simulators
 from hybridmpm._core import SOLVER_VERSION
-from hybridmpm.control import Arrow, Ellipse, Guidance, Push, Shape, Sketch, prepare
+from hybridmpm.control import Keyframe, Led, Push, Sketch, plan_motion
+from hybridmpm.control.guidance import sketch_from_dict
 from hybridmpm.errors import DataError, ReplayWarning
 from hybridmpm.force import total_force
 from hybridmpm.scene import Scene
@@ -80,8 +81,8 @@ class Run:
             **{name: given.get(name) for name in ("coarse", "model", "r_c")},
         )
         """The simulator, which only `advance` may advance."""
-        self._plans: dict[int, Guidance] = {}
-        self._guidance: Guidance | None = None
+        self._plans: dict[int, Led] = {}
+        self._guidance: Led | None = None
         self._done = self._place = 0
         self._hand: Push | None = None
 
@@ -106,7 +107,7 @@ class Run:
     def _frame(self, now: int) -> None:
         for number, sketch in self._drawn_at(now):
             settings = sketch["settings"]
-            self._plans[number] = prepare(self.simulator.copy(), _sketch(sketch["sketch"]), **settings)
+            self._plans[number] = plan_motion(self.simulator.copy(), _goals(sketch), **settings)
         while self._place < len(self._inputs) and self._inputs[self._place]["frame"] == now:
             self._act(self._place)
             self._place += 1
@@ -144,10 +145,14 @@ class Run:
         return total_force(acting, self.simulator.ids, self.simulator.dim)
 
 
-def _sketch(record: Mapping[str, Any]) -> Sketch:
-    fields = {name: value for name, value in record.items() if name != "kind" and value is not None}
-    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
-    return kinds[record["kind"]](**fields)
+def _goals(record: Mapping[str, Any]) -> Sketch | list[Keyframe]:
+    """Return the sketch of an input, or its keyframes."""
+    keyframes = record.get("keyframes")
+    if keyframes is None:
+        return sketch_from_dict(record["sketch"])
+    return [
+        Keyframe(sketch_from_dict(one["sketch"]), one["frames"], one["hold"], one["who"]) for one in keyframes
+    ]
 
 
 def _read(log: str | Path | Mapping[str, Any]) -> dict[str, Any]:

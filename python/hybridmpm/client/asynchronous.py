@@ -26,14 +26,15 @@ from hybridmpm.client.settings import (
     SimulatorSettings,
     SketchSettings,
 )
-from hybridmpm.control import Stroke
+from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, Sketch, Stroke
+from hybridmpm.control.guidance import sketch_to_dict
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.stream_frames import Frame
 
 Json: TypeAlias = dict[str, Any]
-Drawing: TypeAlias = npt.ArrayLike | Stroke | bytes | Path
-"""A sketch: points (K, 2) [m], a stroke, or a PNG as bytes or as a file."""
+Drawing: TypeAlias = npt.ArrayLike | Stroke | bytes | Path | Sketch | Sequence[Keyframe]
+"""Points (K, 2) [m], a stroke, a PNG as bytes or as a file, a sketch, or keyframes in turn."""
 ADDRESS = "http://127.0.0.1:8000"
 """Address of a service that `hybridmpm serve` starts."""
 TIMEOUT = 60.0
@@ -283,8 +284,8 @@ class AsyncSession:
 
         Parameters
         ----------
-        drawing : (K, 2) numbers, Stroke, bytes or Path
-            Points of a stroke [m], or a PNG.
+        drawing : (K, 2) numbers, Stroke, bytes, Path, Arrow, Ellipse, Shape or list of Keyframe
+            Points of a stroke [m], a PNG, a sketch, or several in turn.
         kind : "arrow" or "ellipse", optional
             Kind of the sketch, of points alone; recognised by the service if absent.
         **settings
@@ -571,6 +572,12 @@ def _origin(seed: int | None, **given: Scene | str | Mapping[str, Any] | None) -
     return origin if seed is None else origin | {"seed": seed}
 
 
+def _plain(sketch: Sketch) -> Json:
+    """Return a sketch as JSON."""
+    kept: Json = json.loads(json.dumps(sketch_to_dict(sketch), default=np.ndarray.tolist))
+    return kept
+
+
 def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> Json:
     """Return a sketch and its settings as arguments of a request."""
     if isinstance(drawing, Path):
@@ -579,6 +586,15 @@ def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> Jso
         if kind is not None:
             raise ConfigError("kind belongs to points: a picture says by its form and colour what it is")
         return {"files": {"sketch": ("sketch.png", drawing, "image/png")}, "data": dict(settings)}
+    if isinstance(drawing, Arrow | Ellipse | Shape):
+        return {"json": {"sketch": _plain(drawing), **settings}}
+    if isinstance(drawing, Sequence) and drawing and isinstance(drawing[0], Keyframe):
+        keyframes = [
+            {"sketch": _plain(one.goal), "frames": one.frames, "hold": one.hold, "who": one.who}
+            for one in drawing
+            if isinstance(one, Keyframe)
+        ]
+        return {"json": {"keyframes": keyframes, **settings}}
     if isinstance(drawing, Stroke):
         stroke = drawing.model_dump(exclude_none=True)
     else:

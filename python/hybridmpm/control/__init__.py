@@ -12,7 +12,16 @@ from hybridmpm.control.goal.goal import Goal, Needs, Obstruction
 from hybridmpm.control.goal.region import Figure, Fill, Oval, Silhouette
 from hybridmpm.control.goal.who import Who
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
-from hybridmpm.control.keyframes import MAX_KEYFRAMES, Keyframe, Leg, Sequence, prepare_keyframes
+from hybridmpm.control.keyframes import (
+    MAX_KEYFRAMES,
+    Keyframe,
+    Led,
+    Leg,
+    Sequence,
+    plan_motion,
+    prepare_keyframes,
+    restored,
+)
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
@@ -57,6 +66,7 @@ __all__ = [
     "Keyframe",
     "Law",
     "Learned",
+    "Led",
     "Leg",
     "Method",
     "Needs",
@@ -79,10 +89,12 @@ __all__ = [
     "follow",
     "parse_png",
     "parse_strokes",
+    "plan_motion",
     "prepare",
     "prepare_keyframes",
     "push",
     "render_png",
+    "restored",
     "resume",
     "reversed_case",
     "reversed_from_seed",

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from hybridmpm.control.goal.cloud import EARTH, Floats
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.region import NEAR
-from hybridmpm.control.guidance import SketchOptions, prepare
-from hybridmpm.control.keyframes import Given, Keyframe, Led, Sequence, prepare_keyframes, restored
+from hybridmpm.control.guidance import SketchOptions
+from hybridmpm.control.keyframes import Given, Keyframe, Led, Sequence, plan_motion, restored
 from hybridmpm.control.laws import Floats32, is_whole
 from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
@@ -282,11 +282,7 @@ def follow(
 
     Parameters, including `options`, and errors are those of `prepare`.
     """
-    if not isinstance(sketch, Several):
-        return Following(simulator, prepare(simulator, sketch, method, on_frame=on_frame, **options))
-    if own := sorted({"frames", "hold", "who"} & set(options)):
-        raise ConfigError(f"{own[0]} belongs to each keyframe: Keyframe(goal, frames, hold, who)")
-    return Following(simulator, prepare_keyframes(simulator, sketch, method, on_frame=on_frame, **options))  # type: ignore[misc]
+    return Following(simulator, plan_motion(simulator, sketch, method, on_frame=on_frame, **options))
 
 
 def resume(simulator: Simulator, data: bytes) -> Following:

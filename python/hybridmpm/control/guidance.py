@@ -95,6 +95,10 @@ class Guidance:
         """Return the acceleration and the frames that the goal needs, and any obstruction."""
         return self._needs
 
+    def present_needs(self) -> Needs:
+        """Return what `needs` does; of several goals in turn it is that of the present one."""
+        return self._needs
+
     def __call__(self, simulator: Simulator) -> Floats32 | OfIds | None:
         """Return the force of the next frame; None before the start and once all frames are over."""
         index = simulator.frame - self.first_frame

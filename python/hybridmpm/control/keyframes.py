@@ -28,6 +28,7 @@ from hybridmpm.control.guidance import (
     check_sketch,
     needs_from_dict,
     planned,
+    prepare,
     sketch_from_dict,
     sketch_to_dict,
 )
@@ -201,6 +202,10 @@ class Sequence:
         """Return the needs of a keyframe, of the last one by default; those of all: `[leg.needs ...]`."""
         return self.legs[number].needs
 
+    def present_needs(self) -> Needs:
+        """Return the needs of the present keyframe."""
+        return self.legs[self.number].needs
+
     def number_at(self, index: int) -> int:
         """Return the number of the keyframe that leads some frames after the start."""
         return next((k for k, leg in enumerate(self.legs) if index < leg.end), len(self.legs) - 1)
@@ -319,6 +324,31 @@ class Sequence:
 
 Led: TypeAlias = Guidance | Sequence
 """A plan for one goal, or for several."""
+
+
+def plan_motion(
+    simulator: Simulator,
+    goals: Sketch | Several[Given],
+    method: str | Method = "auto",
+    *,
+    frames: int | None = None,
+    hold: int = 0,
+    who: Who | None = None,
+    **options: Any,
+) -> Led:
+    """Plan one sketch, or several in turn: `prepare` or `prepare_keyframes`, whose options are taken.
+
+    Raises
+    ------
+    ConfigError
+        `frames`, `hold` or `who` is given for several goals, to each of which it belongs; or as of those two.
+    """
+    if not isinstance(goals, Several):
+        return prepare(simulator, goals, method, frames=frames, hold=hold, who=who, **options)
+    for name, given in (("frames", frames), ("hold", hold or None), ("who", who)):
+        if given is not None:
+            raise ConfigError(f"{name} belongs to each keyframe: Keyframe(goal, frames, hold, who)")
+    return prepare_keyframes(simulator, goals, method, **options)
 
 
 def restored(data: bytes, scene: Scene) -> Led:

@@ -13,11 +13,11 @@ import numpy.typing as npt
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from hybridmpm.control import Sketch
 from hybridmpm.export import Cloud
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import encode
 from hybridmpm_service.sessions import scene_work
+from hybridmpm_service.sessions.inputs import Goals
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import frame_of
@@ -108,13 +108,13 @@ _END = _LENGTH.pack(0)
 """Follows the last frame; a stream without it has been cut off."""
 
 
-async def streamed(session: Session, sketch: Sketch, chosen: dict[str, Any]) -> StreamingResponse:
+async def streamed(session: Session, sketch: Goals, chosen: dict[str, Any]) -> StreamingResponse:
     """Return an answer whose body is the frames of a copy of a session that follows a sketch.
 
     Parameters
     ----------
     session : Session
-    sketch : Arrow or Ellipse
+    sketch : Arrow, Ellipse, Shape or list of Keyframe
     chosen : dict
         Arguments of `traced`.
 

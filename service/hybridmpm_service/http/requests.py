@@ -8,9 +8,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from hybridmpm.control import Stroke
+from hybridmpm.control import MAX_KEYFRAMES, Stroke
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import Frame, FrameCount, Hand, SketchSettings, Strict
+from hybridmpm_service.sessions.inputs import (
+    Frame,
+    FrameCount,
+    Hand,
+    SketchRecord,
+    SketchSettings,
+    Strict,
+    WhoField,
+)
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.scene_work import read_log, value_of
 from hybridmpm_service.sessions.turns import Turns
@@ -134,8 +142,27 @@ class AdvanceSession(Strict):
     """Number of frames to compute, at most the setting max_advance_frames."""
 
 
+class KeyframeRequest(Strict):
+    """A goal among several: a stroke or a sketch as interpreted, its times, and who is led to it."""
+
+    strokes: list[Stroke] | None = Field(default=None, min_length=1, max_length=1)
+    """Strokes of the goal: exactly one."""
+    sketch: SketchRecord | None = None
+    """The goal as interpreted, in place of strokes."""
+    frames: int | None = Field(default=None, ge=1, le=10_000)
+    """Number of frames from the goal before to this one. Chosen by the needs of the goal if absent."""
+    hold: int = Field(default=0, ge=0, le=10_000)
+    """Number of frames for which the goal is kept."""
+    who: WhoField = None
+    """Particles that are led to it, as of a sketch, chosen in the state at the start."""
+
+
 class SketchRequest(SketchSettings):
-    """A sketch in its vector form, and its settings."""
+    """A sketch and its settings, or several sketches in turn.
+
+    Exactly one of `strokes`, `sketch` and `keyframes` is given. Each keyframe has its own `frames`, `hold`
+    and `who`.
+    """
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -149,16 +176,33 @@ class SketchRequest(SketchSettings):
                     "hold": 50,
                     "cap": 10,
                 },
+                {
+                    "keyframes": [
+                        {
+                            "sketch": {
+                                "kind": "shape",
+                                "outlines": [[[0.3, 0.4], [0.6, 0.4], [0.6, 0.6], [0.3, 0.6]]],
+                            },
+                            "frames": 120,
+                            "hold": 40,
+                        },
+                        {"strokes": [{"points": [[0.3, 0.5], [0.6, 0.7]], "kind": "arrow"}], "frames": 80},
+                    ]
+                },
             ]
         }
     )
 
-    strokes: list[Stroke] = Field(min_length=1, max_length=1)
+    strokes: list[Stroke] | None = Field(default=None, min_length=1, max_length=1)
     """Strokes of the sketch: exactly one."""
+    sketch: SketchRecord | None = None
+    """The sketch as interpreted, in place of strokes; a shape has no other form."""
+    keyframes: list[KeyframeRequest] | None = Field(default=None, min_length=1, max_length=MAX_KEYFRAMES)
+    """Several sketches in turn."""
 
     def settings(self) -> SketchSettings:
         """Return the settings alone."""
-        return SketchSettings.model_validate(self.model_dump(exclude={"strokes"}))
+        return SketchSettings.model_validate(self.model_dump(exclude={"strokes", "sketch", "keyframes"}))
 
 
 class MakeLink(Strict):

@@ -16,17 +16,22 @@ from hybridmpm import SketchError
 from hybridmpm.control import (
     ControlledTrajectory,
     Goal,
-    Guidance,
+    Keyframe,
+    Led,
+    Leg,
     Needs,
     Oval,
+    Sequence,
+    Silhouette,
     Sketch,
     parse_png,
     parse_strokes,
 )
+from hybridmpm.control.sketch.sketch import check_in_world
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
 from hybridmpm_service.http.answers import Answer, example
-from hybridmpm_service.http.requests import SketchRequest, read_body
-from hybridmpm_service.sessions.inputs import SketchRecord, SketchSettings
+from hybridmpm_service.http.requests import KeyframeRequest, SketchRequest, read_body
+from hybridmpm_service.sessions.inputs import Goals, SketchRecord, SketchSettings
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans
 
@@ -66,8 +71,8 @@ _Rounded = Annotated[float, AfterValidator(lambda value: round(value, _DIGITS))]
 
 async def read_sketch(
     request: Request, turns: Turns, max_upload_bytes: int, size: tuple[float, ...]
-) -> tuple[Sketch, SketchSettings]:
-    """Return the sketch of a request in a world of a size [m], and its settings.
+) -> tuple[Goals, SketchSettings]:
+    """Return the sketch of a request in a world of a size [m], or several, and their settings.
 
     Raises
     ------
@@ -89,14 +94,51 @@ async def read_sketch(
     )
 
 
-async def _read_strokes(turns: Turns, data: bytes, size: tuple[float, ...]) -> tuple[Sketch, SketchSettings]:
+async def _read_strokes(turns: Turns, data: bytes, size: tuple[float, ...]) -> tuple[Goals, SketchSettings]:
     content = await read_body(turns, data)
 
-    def parse() -> tuple[Sketch, SketchSettings]:
+    def parse() -> tuple[Goals, SketchSettings]:
         body = _checked(lambda: SketchRequest.model_validate(content))
-        return parse_strokes(body.strokes, size), body.settings()
+        return _goals(body, size), body.settings()
 
     return await _off_loop(turns, "body", parse)
+
+
+def _goals(body: SketchRequest, size: tuple[float, ...]) -> Goals:
+    """Return what a request describes, in a world of a size [m]."""
+    given = [name for name in ("strokes", "sketch", "keyframes") if getattr(body, name) is not None]
+    if len(given) != 1:
+        found = " and ".join(given) or "none of them"
+        raise FieldError("body", f"exactly one of strokes, sketch and keyframes must be given, got {found}")
+    if body.keyframes is None:
+        return _goal(body, "body", size)
+    for name in ("frames", "hold", "who"):
+        if getattr(body, name):
+            raise FieldError(f"body.{name}", "belongs to each of the keyframes")
+    keyframes = []
+    for number, one in enumerate(body.keyframes):
+        goal = _goal(one, f"body.keyframes[{number}]", size)
+        keyframes.append(Keyframe(goal, one.frames, one.hold, one.model_dump()["who"]))
+    return keyframes
+
+
+def _goal(body: SketchRequest | KeyframeRequest, field: str, size: tuple[float, ...]) -> Sketch:
+    """Return the one sketch of a part of a request."""
+    if (body.strokes is None) == (body.sketch is None):
+        raise FieldError(field, "exactly one of strokes and sketch must be given")
+    try:
+        if body.sketch is None:
+            return parse_strokes(body.strokes or [], size)
+        sketch = body.sketch.sketch()
+        check_in_world(sketch, size)
+    except TypeError:
+        raise FieldError(f"{field}.sketch", "has a field that its kind does not have, or lacks one") from None
+    except SketchError as err:
+        if body.sketch is None:
+            inner, _, message = str(err).partition(": ")
+            raise FieldError(f"{field}.{inner}", message) from err
+        raise FieldError(f"{field}.sketch", str(err)) from err
+    return sketch
 
 
 async def _read_form(
@@ -233,7 +275,10 @@ class GoalBody(Answer):
     path: list[list[float]]
     """Planned path of the centre of mass; [point][axis] [m]."""
     drawn: list[list[float]] | None
-    """Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow."""
+    """Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow and a
+    shape."""
+    outlines: list[list[list[float]]] | None = None
+    """Outlines of a shape at the size to fill, within the walls; [line][point][axis] [m]. Null for others."""
     region: list[list[float]] | None
     """Outline of the region to fill, within the walls; [point][axis] [m]. It is the oval, grown or shrunk as
     `needs.scale` says, or a disc around the tip of an arrow. Obstacles take their part of it. Null where an
@@ -242,13 +287,44 @@ class GoalBody(Answer):
     @classmethod
     def of(cls, goal: Goal) -> Self:
         """Describe a goal."""
-        region = goal.region
+        region, outlines = goal.region, None
+        if region is not None and isinstance(region.figure, Silhouette):
+            outlines = _outlines(goal, region.figure, region.scale)
         return cls(
+            outlines=outlines,
             path=goal.path.round(_DIGITS).tolist(),
             drawn=_outline(goal, goal.drawn, 1.0) if isinstance(goal.drawn, Oval) else None,
             region=_outline(goal, region.figure, region.scale)
             if region is not None and isinstance(region.figure, Oval)
             else None,
+        )
+
+
+class LegBody(Answer):
+    """A goal among several."""
+
+    sketch: dict[str, Any]
+    """The sketch as interpreted."""
+    start: int
+    """Frames since the start of the sequence at which it begins."""
+    frames: int
+    """Number of frames in which the goal is to be reached."""
+    hold: int
+    """Number of frames for which it is kept."""
+    velocity: list[float] | None
+    """Velocity of the centre of mass at the goal [m/s]; null for rest."""
+    needs: NeedsBody
+
+    @classmethod
+    def of(cls, leg: Leg) -> Self:
+        """Describe a goal among several."""
+        return cls(
+            sketch=SketchRecord.of(leg.keyframe.goal).model_dump(exclude_none=True),
+            start=leg.start,
+            frames=leg.arrival - leg.start,
+            hold=leg.keyframe.hold,
+            velocity=None if leg.velocity is None else leg.velocity.round(_DIGITS).tolist(),
+            needs=NeedsBody.of(leg.needs),
         )
 
 
@@ -258,8 +334,9 @@ class GuidanceBody(Answer):
     model_config = example(**_GUIDED)
 
     sketch: dict[str, Any]
-    """The sketch as interpreted: an "arrow" with `points` [m], or an "ellipse" with `center` [m],
-    semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth."""
+    """The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes`
+    [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the
+    depth."""
     method: str
     """Name of the method that planned."""
     reason: str
@@ -274,10 +351,14 @@ class GuidanceBody(Answer):
     """Time of the planning [ms]."""
     needs: NeedsBody
     goal: GoalBody
+    keyframes: list[LegBody] | None = None
+    """Several goals in turn, of which the fields above describe the present one, and `frames` and `hold` the
+    last; null for one sketch."""
 
     @classmethod
-    def of(cls, guidance: Guidance, first_frame: int, **more: Any) -> Self:
+    def of(cls, guidance: Led, first_frame: int, **more: Any) -> Self:
         """Describe a guidance that steers from `first_frame` on."""
+        legs = guidance.legs if isinstance(guidance, Sequence) else None
         return cls(
             sketch=SketchRecord.of(guidance.sketch).model_dump(exclude_none=True),
             method=guidance.method,
@@ -286,8 +367,9 @@ class GuidanceBody(Answer):
             hold=guidance.hold,
             first_frame=first_frame,
             planning_ms=round(guidance.planning_ms, 2),
-            needs=NeedsBody.of(guidance.needs()),
+            needs=NeedsBody.of(guidance.present_needs()),
             goal=GoalBody.of(guidance.goal),
+            keyframes=None if legs is None else [LegBody.of(leg) for leg in legs],
             **more,
         )
 
@@ -377,6 +459,17 @@ def trajectory_arrays(motion: ControlledTrajectory, stride: int) -> dict[str, np
         "target_displacement": motion.target_displacement,
         "displacement": motion.displacement,
     }
+
+
+def _outlines(goal: Goal, shape: Silhouette, scale: float) -> list[list[list[float]]]:
+    """Return the lines of a shape grown by a factor, moved to the walls where they reach beyond them."""
+    dim = goal.cloud.dim
+    lines = []
+    for line in shape.shape.outlines:
+        points = np.hstack([line, np.tile(shape.depth[:1], (len(line), 1))])
+        grown = shape.center + scale * (points - shape.center)
+        lines.append(np.clip(grown, goal.room.lower, goal.room.upper).round(_DIGITS)[:, :dim].tolist())
+    return lines
 
 
 def _outline(goal: Goal, oval: Oval, scale: float) -> list[list[float]]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from hybridmpm.control import ControlledTrajectory, Guidance
+from hybridmpm.control import ControlledTrajectory, Led
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.guard import needs
 from hybridmpm_service.http.jobs import JobBody
@@ -179,7 +179,7 @@ async def trace_sketch(
 
 async def _answered(
     turns: Turns,
-    guidance: Guidance,
+    guidance: Led,
     motion: ControlledTrajectory,
     stride: int,
     *,

@@ -5,7 +5,8 @@ pydantic models, since clients send them, and logs and files contain them. The t
 in the OpenAPI document.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Sequence as Several
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, Self, TypeAlias, overload
 
@@ -16,13 +17,17 @@ from hybridmpm import SOLVER_VERSION, Scene, __version__
 from hybridmpm.control import (
     DEFAULT_CAP,
     MAX_CAP,
+    MAX_KEYFRAMES,
     MAX_OUTLINES,
     MAX_POINTS,
     METHODS,
     Arrow,
     Ellipse,
     Fill,
+    Keyframe,
+    Led,
     Push,
+    Sequence,
     Shape,
     Sketch,
     Stroke,
@@ -57,6 +62,12 @@ class OfParticle(Strict):
     """Number of the particle."""
 
 
+WhoField: TypeAlias = (
+    Annotated[int, Field(ge=0)] | Literal["water", "sand", "elastic"] | OfParticle | Stroke | None
+)
+"""Choice of the particles that are led."""
+
+
 class SketchSettings(Strict):
     """Settings of a sketch. An absent one takes its default."""
 
@@ -76,7 +87,7 @@ class SketchSettings(Strict):
     fill: Fill = "even"
     """Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid
     (shrink)."""
-    who: Annotated[int, Field(ge=0)] | Literal["water", "sand", "elastic"] | OfParticle | Stroke | None = None
+    who: WhoField = None
     """Particles that the sketch leads, all of them if absent: the index of a body, a material, the body of a
     particle, or the particles under a stroke."""
     seed: int = Field(default=0, ge=0, lt=2**32)
@@ -153,6 +164,28 @@ class Hand(Strict):
         return Push(np.array(self.point), np.array(self.velocity), self.radius, self.cap)
 
 
+Goals: TypeAlias = Sketch | list[Keyframe]
+"""A sketch, or several in turn."""
+
+
+class KeyframeRecord(Strict):
+    """A goal among several, as interpreted."""
+
+    sketch: SketchRecord
+    """The sketch of the goal."""
+    frames: FrameCount | None = None
+    """Number of frames from the goal before to this one. Chosen by the needs of the goal if absent."""
+    hold: int = Field(default=0, ge=0, le=10_000)
+    """Number of frames for which the goal is kept."""
+    who: WhoField = None
+    """Particles that are led to it, as of a sketch, chosen in the state at the start."""
+
+    def keyframe(self) -> Keyframe:
+        """Return the keyframe. Raises as `SketchRecord.sketch`."""
+        who = self.who.model_dump() if isinstance(self.who, BaseModel) else self.who
+        return Keyframe(self.sketch.sketch(), self.frames, self.hold, who)
+
+
 class SketchInput(Strict):
     """A sketch that begins to steer; it replaces an older one."""
 
@@ -167,9 +200,43 @@ class SketchInput(Strict):
     planned_by: str = Field(max_length=100)
     """Name of the method that planned."""
     sketch: SketchRecord
-    """The sketch."""
+    """The sketch, or the first of several."""
+    keyframes: list[KeyframeRecord] | None = Field(default=None, max_length=MAX_KEYFRAMES)
+    """Several sketches in turn; null where there is one."""
     settings: LimitedSettings
-    """Its settings."""
+    """Their settings."""
+
+    @classmethod
+    def of(cls, plan: Led, settings: Mapping[str, Any], *, frame: int, number: int) -> Self:
+        """Return the record of a plan that begins to steer at a frame."""
+        keyframes = None
+        if isinstance(plan, Sequence):
+            keyframes = [
+                KeyframeRecord.model_validate(
+                    {
+                        "sketch": SketchRecord.of(one.goal).model_dump(),
+                        "frames": one.frames,
+                        "hold": one.hold,
+                        "who": one.who,
+                    }
+                )
+                for one in plan.keyframes
+            ]
+        return cls(
+            frame=frame,
+            number=number,
+            drawn_frame=plan.first_frame,
+            planned_by=plan.method,
+            sketch=SketchRecord.of(plan.sketch),
+            keyframes=keyframes,
+            settings=LimitedSettings(**settings),
+        )
+
+    def goals(self) -> Goals:
+        """Return what is to be planned. Raises as `SketchRecord.sketch`."""
+        if self.keyframes is None:
+            return self.sketch.sketch()
+        return [one.keyframe() for one in self.keyframes]
 
 
 class ReleaseInput(Strict):
@@ -197,7 +264,7 @@ INPUT: TypeAdapter[Input] = TypeAdapter(Annotated[Input, Field(discriminator="ki
 """Reader of an input's JSON."""
 
 
-class Inputs(Sequence[Input]):
+class Inputs(Several[Input]):
     """Inputs in the order in which they act, kept as JSON; a model is made of one when it is looked at.
 
     Thousands of models would be hundreds of thousands of objects among which Python searches for circles.

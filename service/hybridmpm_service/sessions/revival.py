@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hybridmpm import SOLVER_VERSION, SnapshotError
 from hybridmpm.checking import Finding
-from hybridmpm.control import Guidance, prepare
+from hybridmpm.control import Led, plan_motion, restored
 from hybridmpm_service.errors import FieldError, ServiceError, StorageError
 from hybridmpm_service.sessions.inputs import Inputs, Origin, SketchInput, Versions
 from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
@@ -73,7 +73,7 @@ def replay(
     simulation: Simulation,
     inputs: Inputs,
     until: int,
-    guidances: Mapping[int, Guidance] | None = None,
+    guidances: Mapping[int, Led] | None = None,
     *,
     first: int = 0,
     check: Callable[[], object] = lambda: None,
@@ -114,8 +114,8 @@ def replay(
         for number, sketch in drawn.items():
             if sketch.drawn_frame == stop:
                 check()
-                plans[number] = prepare(
-                    simulation.copy(), sketch.sketch.sketch(), on_frame=check, **sketch.settings.model_dump()
+                plans[number] = plan_motion(
+                    simulation.copy(), sketch.goals(), on_frame=check, **sketch.settings.model_dump()
                 )
                 # If this is interrupted, it goes on after the frame for which the sketch was planned.
                 simulation.journal.plan(number, plans[number].snapshot)
@@ -175,7 +175,7 @@ def revived_from_file(
     guidances = {}
     if not again:
         pending = ((place, data) for place, data in stored.guidances.items() if place >= first)
-        guidances = {place: Guidance.restored(data, origin.scene) for place, data in pending}
+        guidances = {place: restored(data, origin.scene) for place, data in pending}
     else:
         if not patient:
             return None

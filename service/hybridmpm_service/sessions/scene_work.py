@@ -161,9 +161,9 @@ def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
                 f"{field}.settings", f"steers for up to {longest} frames, at most {most_sketch_frames} may be"
             )
         try:
-            one.sketch.sketch()
+            one.goals()
         except TypeError:
-            text = "an arrow has points, an ellipse center, axes and angle"
+            text = "an arrow has points, an ellipse center, axes and angle, a shape outlines"
             raise FieldError(f"{field}.sketch", text) from None
     if isinstance(one, PushInput) and one.push is not None:
         for name in ("point", "velocity"):

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.checking import Finding
-from hybridmpm.control import Guidance, Push, Sketch
+from hybridmpm.control import Led, Push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import LeadRefusedError, ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.inputs import Origin, PushInput
+from hybridmpm_service.sessions.inputs import Goals, Origin, PushInput
 from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.lead import SILENT_SECONDS, Lead, hand_of, note
 from hybridmpm_service.sessions.player import Clock, Machine, Player
@@ -215,18 +215,18 @@ class Session:
                 abandoned = True
                 raise
 
-    async def steer(self, sketch: Sketch, *, most: int, **settings: Any) -> Steered:
+    async def steer(self, sketch: Goals, *, most: int, **settings: Any) -> Steered:
         """Prepare a sketch on a copy of the simulator, and let it steer from the next frame on.
 
         The session goes on meanwhile, steered by an older sketch. A preparation before this one is dropped.
 
         Parameters
         ----------
-        sketch : Arrow or Ellipse
+        sketch : Arrow, Ellipse, Shape or list of Keyframe
         most : int
             Largest number of frames, above that of `hold`.
         **settings
-            As `hybridmpm.control.prepare` takes them.
+            As `hybridmpm.control.plan_motion` takes them.
 
         Raises
         ------
@@ -240,7 +240,7 @@ class Session:
         self.end_lead("a sketch is planned")
         preparation, number = self._planner.begin(sketch)
 
-        def take_over(guidance: Guidance) -> Steered:
+        def take_over(guidance: Led) -> Steered:
             preparation.check()
             return self.simulation.steer(guidance, number, settings | {"most": most})
 

@@ -6,7 +6,8 @@ It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Sessi
 import copy
 import statistics
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from collections.abc import Sequence as Several
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
-from hybridmpm.control import Guidance, Push
+from hybridmpm.control import Led, Push, Sequence, restored
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
 from hybridmpm.simulator import Simulator
@@ -23,11 +24,9 @@ from hybridmpm_service.errors import LeadRefusedError, PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
     Hand,
     Input,
-    LimitedSettings,
     PushInput,
     ReleaseInput,
     SketchInput,
-    SketchRecord,
 )
 from hybridmpm_service.sessions.journal import Journal
 from hybridmpm_service.sessions.player import Clock
@@ -55,7 +54,7 @@ class Steered:
     """Number of the sketch in its session."""
     first_frame: int
     """First frame of the session whose state it acts on."""
-    guidance: Guidance
+    guidance: Led
     """The interpreted sketch and its plan."""
 
 
@@ -69,7 +68,7 @@ class Steering:
     ----------
     number : int
         Number of the sketch in its session.
-    guidance : Guidance
+    guidance : Guidance or Sequence
     simulator : Simulator
         Simulator to steer from its next frame on.
     control : Control, optional
@@ -77,7 +76,7 @@ class Steering:
     """
 
     def __init__(
-        self, number: int, guidance: Guidance, simulator: Simulator, control: Control | None = None
+        self, number: int, guidance: Led, simulator: Simulator, control: Control | None = None
     ) -> None:
         self.guidance = guidance
         self._simulator = simulator
@@ -105,14 +104,24 @@ class Steering:
 
     def count(self) -> Control:
         """Note a computed frame, and return the progress."""
-        done = self.control.frames_done + 1
-        self.control = self.control.model_copy(update={"frames_done": done, "phase": self._phase_at(done)})
-        if done == self.guidance.frames:
+        done, guidance = self.control.frames_done + 1, self.guidance
+        update: dict[str, Any] = {"frames_done": done, "phase": self._phase_at(done)}
+        arrivals = {guidance.frames}
+        if isinstance(guidance, Sequence):
+            arrivals = {leg.arrival for leg in guidance.legs}
+            update |= {"keyframe": guidance.number_at(done), "kind": guidance.sketch.kind}
+        self.control = self.control.model_copy(update=update)
+        if done in arrivals:
             self.control = self._with_reached(self.control)
         return self.control
 
     def _phase_at(self, done: int) -> Phase:
         guidance = self.guidance
+        if isinstance(guidance, Sequence) and done < guidance.frames:
+            leg = guidance.legs[guidance.number_at(done)]
+            if done >= leg.arrival:
+                return "holding"
+            return "steering" if leg.needs.reachable else "out_of_reach"
         if done < guidance.frames:
             return "steering" if guidance.needs().reachable else "out_of_reach"
         return "holding" if done < guidance.total_frames else "done"
@@ -230,7 +239,7 @@ class Simulation:
             self.journal.settle(self.computed_seconds, self.checkpoint)
         return frames
 
-    def promise(self, until: int, inputs: Sequence[tuple[PushInput, Push | None]]) -> None:
+    def promise(self, until: int, inputs: Several[tuple[PushInput, Push | None]]) -> None:
         """Note the inputs of a tab that has computed frames, for `catch_up`; none is lost from now on.
 
         Parameters
@@ -327,26 +336,19 @@ class Simulation:
         # While a tab is ahead, the hand is that of its frames.
         return Hand.of(self._noted_hand if self.behind else self.hand)
 
-    def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> Steered:
+    def steer(self, guidance: Led, number: int, settings: Mapping[str, Any]) -> Steered:
         """Let a guidance steer from the next frame on; it replaces the one before.
 
         Parameters
         ----------
-        guidance : Guidance
+        guidance : Guidance or Sequence
             Made for a copy of the simulator, perhaps some frames ago.
         number : int
             Number of the sketch in its session.
         settings : mapping
             Arguments of `hybridmpm.control.prepare` for the guidance.
         """
-        made = SketchInput(
-            frame=self.frame,
-            number=number,
-            drawn_frame=guidance.first_frame,
-            planned_by=guidance.method,
-            sketch=SketchRecord.of(guidance.sketch),
-            settings=LimitedSettings(**settings),
-        )
+        made = SketchInput.of(guidance, settings, frame=self.frame, number=number)
         self.journal.add(made, guidance.snapshot)
         self.act(made, guidance)
         return Steered(number, self._solver.frame, guidance)
@@ -366,7 +368,7 @@ class Simulation:
             self.act(made)
         self.hand = None
 
-    def act(self, one: Input, guidance: Guidance | None = None) -> None:
+    def act(self, one: Input, guidance: Led | None = None) -> None:
         """Let an input act that the journal contains already; a sketch comes with its guidance."""
         if isinstance(one, PushInput):
             self.hand = self._noted_hand = None if one.push is None else one.push.push()
@@ -418,7 +420,7 @@ class Simulation:
         self._control = None if rest["control"] is None else Control(**rest["control"])
         self._steering = None
         if checkpoint.guidance is not None and self._control is not None:
-            guidance = Guidance.restored(checkpoint.guidance, self.scene)
+            guidance = restored(checkpoint.guidance, self.scene)
             self._steering = Steering(self._control.number, guidance, self._solver, self._control)
         self._steered = rest["steered"]
         self.hand = self._noted_hand = None if rest["hand"] is None else Hand(**rest["hand"]).push()

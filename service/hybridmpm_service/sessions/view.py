@@ -44,8 +44,8 @@ class Control(_Record):
 
     number: int
     """Number of the sketch in its session, counted from 1."""
-    kind: Literal["arrow", "ellipse"]
-    """Kind of the sketch."""
+    kind: Literal["arrow", "ellipse", "shape"]
+    """Kind of the sketch; of several in turn that of the present one."""
     phase: Phase
     """preparing: it is being planned; an older one may steer meanwhile. steering: it leads the fluid to the
     goal. out_of_reach: as steering, but something is known to be in the way. holding: it keeps the goal.
@@ -57,7 +57,9 @@ class Control(_Record):
     frames_done: int = 0
     """Number of frames that the sketch has steered so far, those of `hold` included."""
     frames: int | None = None
-    """Number of frames in which the goal is to be reached."""
+    """Number of frames in which the goal is to be reached, of several the last."""
+    keyframe: int | None = None
+    """Number of the present goal among several, from 0 on; null where there is one."""
     hold: int | None = None
     """Number of frames for which the goal is kept after that."""
     inside: float | None = None

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from hybridmpm import CancelFlag, FrameCancelledError, export, recording
-from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
+from hybridmpm.control import ControlledTrajectory, Following, Led, plan_motion
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionBusyError, SketchDroppedError
+from hybridmpm_service.sessions.inputs import Goals
 from hybridmpm_service.sessions.turns import Turn, Turns
 from hybridmpm_service.sessions.view import Control
 
@@ -184,11 +185,12 @@ class Planner:
         """The sketch that is being prepared; None without one."""
         return None if self._preparation is None else self._preparation.control
 
-    def begin(self, sketch: Sketch) -> tuple[Errand, int]:
+    def begin(self, sketch: Goals) -> tuple[Errand, int]:
         """Begin a preparation, and drop the one before; return it with the number of its sketch."""
         self.drop("a newer sketch has replaced this one before it began to steer")
         self._count += 1
-        control = Control(number=self._count, kind=sketch.kind, phase="preparing")
+        first = sketch[0].goal if isinstance(sketch, list) else sketch
+        control = Control(number=self._count, kind=first.kind, phase="preparing")
         self._preparation = Errand(self._check_open, control)
         self._on_change()
         return self._preparation, self._count
@@ -206,9 +208,9 @@ class Planner:
             self._preparation = None
 
     async def prepare(
-        self, preparation: Errand, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
-    ) -> Guidance:
-        """Plan a sketch on a copy of the simulator.
+        self, preparation: Errand, twin: Simulator, sketch: Goals, *, most: int, **settings: Any
+    ) -> Led:
+        """Plan a sketch, or several in turn, on a copy of the simulator.
 
         Parameters
         ----------
@@ -216,22 +218,22 @@ class Planner:
             From `begin`.
         twin : Simulator
             In the state that the sketch was drawn on; it does not change.
-        sketch : Arrow or Ellipse
+        sketch : Arrow, Ellipse, Shape or list of Keyframe
         most : int
             Largest number of frames if none is given, `hold` included.
         **settings
-            The others of `hybridmpm.control.prepare`.
+            The others of `hybridmpm.control.plan_motion`.
 
         Raises
         ------
         SketchDroppedError
             The preparation was dropped.
         ConfigError, SketchError, SimulationError
-            As `hybridmpm.control.prepare`.
+            As `hybridmpm.control.plan_motion`.
         """
         return await self._do(
             preparation,
-            lambda check: prepare(twin, sketch, most=most, on_frame=check, **settings),
+            lambda check: plan_motion(twin, sketch, most=most, on_frame=check, **settings),
         )
 
     async def on_copy(self, work: Callable[[Check], T], *, memory: int | None = None) -> T:
@@ -293,12 +295,12 @@ Report: TypeAlias = Callable[[int, int], object]
 def traced(
     twin: Simulator,
     check: Check,
-    sketch: Sketch,
+    sketch: Goals,
     *,
     most: int,
     on_frame: Report = lambda _done, _total: None,
     **settings: Any,
-) -> tuple[Guidance, ControlledTrajectory]:
+) -> tuple[Led, ControlledTrajectory]:
     """Let a copy of a simulator follow a sketch to the end.
 
     Parameters
@@ -307,22 +309,22 @@ def traced(
         In the state that the sketch was drawn on.
     check : callable
         Raises where the work is to end early.
-    sketch : Arrow or Ellipse
+    sketch : Arrow, Ellipse, Shape or list of Keyframe
     most : int
         Largest number of frames if none is given, `hold` included.
     on_frame : callable
         Called at the start and after each frame.
     **settings
-        The others of `hybridmpm.control.prepare`.
+        The others of `hybridmpm.control.plan_motion`.
 
     Raises
     ------
     ConfigError, SketchError, SimulationError
-        As `hybridmpm.control.prepare`; a frame failed.
+        As `hybridmpm.control.plan_motion`; a frame failed.
     """
-    guidance = prepare(twin, sketch, most=most, on_frame=check, **settings)
+    guidance = plan_motion(twin, sketch, most=most, on_frame=check, **settings)
     following = Following(twin, guidance)
-    total = guidance.frames + guidance.hold
+    total = guidance.total_frames
     on_frame(0, total)
     for done, _ in enumerate(following, start=1):
         check()

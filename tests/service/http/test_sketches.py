@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from tests.service.conftest import SMALL_SCENE, arrays_of, problem
 
-from hybridmpm import MpmSolver, Scene
+from hybridmpm import MpmSolver, Scene, replay
 from hybridmpm.control import METHODS, Arrow, Ellipse, Law, Task, render_png
 from hybridmpm.simulator import Simulator
 
@@ -64,6 +64,87 @@ def test_who_is_led_can_be_chosen(service: Any, path: str, who: Any) -> None:
     assert again.json()["notice"] is None
 
 
+def test_a_shape_and_then_goals_in_turn_steer_and_are_kept_in_the_log(service: Any, path: str) -> None:
+    outlines = [[[0.4, 0.4], [0.6, 0.4], [0.6, 0.5], [0.4, 0.5]]]
+    shape = {"kind": "shape", "outlines": outlines}
+    steered = service.http.post(f"{path}/sketches", json={"sketch": shape, "frames": 45, "hold": 2})
+    assert steered.status_code == 200, steered.text
+    assert steered.json()["sketch"] == shape
+    assert steered.json()["keyframes"] is None
+    lines = np.array(steered.json()["goal"]["outlines"])
+    assert lines.shape == (1, 4, 2)
+    scale = steered.json()["needs"]["scale"]
+    np.testing.assert_allclose(np.ptp(lines[0], axis=0), scale * np.array([0.2, 0.1]), atol=2e-3)
+    service.http.post(f"{path}/advance", json={"frames": 10})
+    assert service.http.get(path).json()["control"]["kind"] == "shape"
+    goals = [
+        {"sketch": shape, "frames": 8, "who": "water"},
+        {"strokes": [ARROW], "frames": 6, "hold": 2, "who": {"particle": 0}},
+        {"strokes": [ARROW], "frames": 4},
+    ]
+    answer = service.http.post(f"{path}/sketches", json={"keyframes": goals, "cap": 12})
+    assert answer.status_code == 200, answer.text
+    body = answer.json()
+    assert [(one["start"], one["frames"], one["hold"]) for one in body["keyframes"]] == [
+        (0, 8, 0),
+        (8, 6, 2),
+        (16, 4, 0),
+    ]
+    assert [one["sketch"]["kind"] for one in body["keyframes"]] == ["shape", "arrow", "arrow"]
+    assert (body["frames"], body["needs"]["cap"]) == (20, 12)
+    seen = []
+    for frames in (5, 5, 8):
+        control = service.http.post(f"{path}/advance", json={"frames": frames}).json()["control"]
+        seen.append((control["kind"], control["keyframe"], control["phase"]))
+    assert [one[:2] for one in seen] == [("shape", 0), ("arrow", 1), ("arrow", 2)]
+    assert service.http.get(f"{path}/sketches").json()["sketch"]["kind"] == "arrow"
+    log = service.http.get(f"{path}/log").json()
+    assert [len(one["keyframes"] or ()) for one in log["inputs"]] == [0, 3]
+    again = service.http.post("/v1/sessions", json={"log": log})
+    assert again.status_code == 201, again.text
+    assert again.json()["notice"] is None
+    assert replay(log).digest() == log["digest"]
+    twin = service.http.post(f"{path}/fork").json()["links"]["self"]
+    ends = [service.http.post(f"{one}/advance", json={"frames": 2}).json() for one in (path, twin)]
+    assert ends[0]["control"]["phase"] == ends[1]["control"]["phase"] == "done"
+    assert len({service.http.get(f"{one}/log").json()["digest"] for one in (path, twin)}) == 1
+
+
+@pytest.mark.parametrize(
+    ("request_", "field", "text"),
+    [
+        ({}, "body", "exactly one of strokes, sketch and keyframes must be given, got none of them"),
+        ({"strokes": [ARROW], "keyframes": [{"strokes": [ARROW]}]}, "body", "got strokes and keyframes"),
+        ({"keyframes": [{"strokes": [ARROW]}], "hold": 3}, "body.hold", "belongs to each of the keyframes"),
+        ({"keyframes": [{"frames": 5}]}, "body.keyframes[0]", "exactly one of strokes and sketch"),
+        (
+            {"sketch": {"kind": "shape"}},
+            "body.sketch",
+            "has a field that its kind does not have, or lacks one",
+        ),
+        (
+            {"sketch": {"kind": "shape", "outlines": [[[0.1, 0.1], [0.2, 0.2]]]}},
+            "body.sketch",
+            "outlines[0]: a closed line has at least 3 points, got 2",
+        ),
+        (
+            {"keyframes": [{"sketch": {"kind": "arrow", "points": [[0.1, 0.1], [3.0, 0.2]]}}]},
+            "body.keyframes[0].sketch",
+            "points[1]: must be two numbers in [0, 1]",
+        ),
+        ({"keyframes": [{"strokes": [ARROW], "frames": 9_999}] * 3}, None, "at most 400 are allowed"),
+    ],
+)
+def test_what_is_no_sketch_and_no_keyframes_is_refused(
+    service: Any, path: str, request_: dict[str, Any], field: str | None, text: str
+) -> None:
+    answer = service.http.post(f"{path}/sketches", json=request_)
+    assert answer.status_code == 422
+    assert text in answer.text
+    if field is not None:
+        assert [one["field"] for one in answer.json()["errors"]] == [field]
+
+
 def test_a_choice_of_nobody_is_refused(service: Any, path: str) -> None:
     for who, text in (("sand", "chooses none"), (7, "who must be"), ({"particle": -1}, "greater than")):
         answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "who": who})
@@ -97,6 +178,7 @@ def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None
         "frames_done": 0,
         "frames": 45,
         "hold": 3,
+        "keyframe": None,
         "inside": None,
         "inside_drawn": None,
         "miss": None,
@@ -251,7 +333,7 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
         ({"strokes": [ARROW], "fill": "half"}, "body.fill", "'even' or 'shrink'"),
         ({"strokes": [ARROW], "resolution": 32}, "body.resolution", "not permitted"),
         ({"strokes": [ARROW], "frames": "many"}, "body.frames", "integer"),
-        ({"points": [[0.5, 0.5], [0.6, 0.5]]}, "body.strokes", "required"),
+        ({"points": [[0.5, 0.5], [0.6, 0.5]]}, "body.points", "not permitted"),
     ],
 )
 def test_bad_strokes_are_refused_with_field_and_range(
