@@ -40,6 +40,7 @@ from hybridmpm.control.sketch.sketch import (
     Shape,
     Sketch,
     StrokeSketch,
+    check_in_world,
 )
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
 from hybridmpm.control.sketch.tracing import shape_of_picture, shape_of_text
@@ -85,6 +86,7 @@ __all__ = [
     "StrokeSketch",
     "Task",
     "Who",
+    "check_in_world",
     "classify_stroke",
     "follow",
     "parse_png",

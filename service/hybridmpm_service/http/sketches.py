@@ -24,10 +24,10 @@ from hybridmpm.control import (
     Sequence,
     Silhouette,
     Sketch,
+    check_in_world,
     parse_png,
     parse_strokes,
 )
-from hybridmpm.control.sketch.sketch import check_in_world
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
 from hybridmpm_service.http.answers import Answer, example
 from hybridmpm_service.http.requests import KeyframeRequest, SketchRequest, read_body

@@ -28,7 +28,7 @@ from hybridmpm.client import (
     StreamClosedError,
     UnreachableError,
 )
-from hybridmpm.control import Arrow, Stroke, push
+from hybridmpm.control import Arrow, Keyframe, Stroke, push
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.errors import ConfigError
 
@@ -175,7 +175,7 @@ def test_forks_logs_and_deletes(client: Client) -> None:
     assert (raised.value.status, raised.value.kind) == (404, "session-not-found")
 
 
-@pytest.mark.parametrize("form", ["points", "stroke", "bytes", "file"])
+@pytest.mark.parametrize("form", ["points", "stroke", "bytes", "file", "sketch", "keyframes"])
 def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str) -> None:
     session = client.create("water_2d", 1)
     (tmp_path / "arrow.png").write_bytes(render_png(Arrow(np.array(ARROW))))
@@ -184,8 +184,11 @@ def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str
         "stroke": Stroke(points=[(0.3, 0.3), (0.5, 0.5)]),
         "bytes": (tmp_path / "arrow.png").read_bytes(),
         "file": tmp_path / "arrow.png",
+        "sketch": Arrow(np.array(ARROW)),
+        "keyframes": [Keyframe(Arrow(np.array(ARROW)), 20), Keyframe(Arrow(np.array(ARROW)), 20, who=0)],
     }[form]
-    answer = session.steer(drawing, frames=40, cap=9.0)
+    settings: Any = {} if form == "keyframes" else {"frames": 40}
+    answer = session.steer(drawing, cap=9.0, **settings)
     assert answer["sketch"]["kind"] == "arrow"
     assert (answer["frames"], answer["needs"]["cap"]) == (40, 9.0)
     assert session.force()["frame"] == session.pressure()["frame"] == 0
