@@ -1,4 +1,7 @@
-"""Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`."""
+"""Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`.
+
+`python tests/browser/screenshots.py gallery` draws the pictures of the gallery's lessons and scenes instead.
+"""
 
 import base64
 import io
@@ -13,6 +16,26 @@ ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
 PREVIEW = ROOT / "service" / "hybridmpm_service" / "page" / "share" / "preview.png"
 MAX_BYTES = 400_000
+GALLERY = PREVIEW.parents[1] / "gallery"
+GALLERY_FRAMES = {
+    "communicating-vessels": 170,
+    "torricelli": 150,
+    "dam-break": 90,
+    "hourglass": 400,
+    "angle-of-repose": 1500,
+    "waves-in-a-tank": 220,
+    "u-tube": 130,
+    "water-wheel": 560,
+    "wave-maker": 420,
+    "dam-and-gate": 170,
+    "sand-and-water": 120,
+    "jelly": 150,
+    "letters": 110,
+    "dam-in-space": 127,
+}
+"""Frames that pictures of the gallery show."""
+GALLERY_WIDTH = 256
+MOST_AT_ONCE = 400
 PREVIEW_PAGE = """
 <body style="margin:0;width:1200px;height:630px;display:flex;background:#0a0f16;color:#e8eef6;
  font:500 34px/1.35 'DejaVu Sans',sans-serif">
@@ -35,10 +58,27 @@ def _open(browser: Browser, service: LiveService, query: str, viewport: Viewport
 
 def _go_to(visit: Visit, service: LiveService, frames: int) -> None:
     """Advance by a number of frames in two steps: the last frames tell the page how fast the fluid is."""
-    service.advance(visit.session, frames - 4)
+    for _ in range((frames - 4) // MOST_AT_ONCE):
+        service.advance(visit.session, MOST_AT_ONCE)
+    service.advance(visit.session, (frames - 4) % MOST_AT_ONCE)
     frame = service.advance(visit.session, 4)["frame"]
     visit.wait_for(f"body.frame === '{frame}'")
     visit.page.wait_for_timeout(1500)
+
+
+def _draw_gallery(browser: Browser, service: LiveService) -> None:
+    """Draw each entry as the page shows it, so that all have one style."""
+    for name, frames in GALLERY_FRAMES.items():
+        query = f"theme=dark&simulate=server&gallery={name}"
+        visit = _open(browser, service, query, {"width": 1100, "height": 700}, 1)
+        _go_to(visit, service, frames)
+        path = GALLERY / f"{name}.png"
+        with Image.open(io.BytesIO(visit.page.locator("#view").screenshot())) as shot:
+            picture = shot.convert("RGB")
+            picture.thumbnail((GALLERY_WIDTH, 2 * GALLERY_WIDTH))
+            picture.quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
+        sys.stdout.write(f"{name}: {path.stat().st_size} bytes\n")
+        visit.page.close()
 
 
 def _save(visit: Visit, name: str) -> None:
@@ -70,6 +110,9 @@ def main() -> None:
     IMAGES.mkdir(parents=True, exist_ok=True)
     with LiveService() as service, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+        if sys.argv[1:] == ["gallery"]:
+            _draw_gallery(browser, service)
+            return
 
         desktop = _open(browser, service, "scenario=water_2d&seed=0", {"width": 1440, "height": 900}, 1)
         _go_to(desktop, service, 150)

@@ -11,7 +11,7 @@ from .conftest import LIVE, LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
-FALL = "renderer=canvas2d&scenario=water_2d&seed=3"
+FALL = "renderer=canvas2d&theme=dark&scenario=water_2d&seed=3"
 """Water falls freely, as the network has it, from frame 20 to frame 84."""
 _COUNT = """(canvas) => {
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);

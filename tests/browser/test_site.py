@@ -62,7 +62,7 @@ def test_each_scene_of_the_gallery_is_an_entry() -> None:
     folder = Path(hybridmpm_service.__file__).parent / "page" / "gallery"
     listed = json.loads((folder / "entries.json").read_text(encoding="utf-8"))
     files = {file.stem for file in folder.glob("*.json")} - {"entries"}
-    assert set(listed["scenes"]) == files
+    assert set(listed["scenes"]) | set(listed["lessons"]) == files
     assert {file.stem for file in folder.glob("*.png")} == files | set(listed["demos"])
     assert all(one.title and one.about.endswith(".") and one.to_try.endswith(".") for one in entries())
 

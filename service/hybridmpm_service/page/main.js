@@ -13,7 +13,7 @@ import { bindAppearance, bindColours, offerPressure, showHighest } from "./panel
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, SEA, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
+import { bindScene, chooseScene, describeOwnScene, SEA, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
 import { chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
@@ -56,6 +56,8 @@ const shown = {
   who: null, // the body that the next sketches lead, {particle, name}; null where they lead everything
   drawnAt: [], // times of the pictures of the last second [ms]
   speedTimer: 0,
+  lesson: null, // that of the gallery which is shown
+  about: Promise.resolve(), // until what the gallery says of the scene is shown: a lesson reads all frames
 };
 
 const session = new SessionClient(
@@ -152,7 +154,7 @@ function refreshSteering() {
   const ghost = presenter.ghost !== null;
   const centroid = shown.who === null ? shown.centroid : null; // that of all is not that of the body
   controls.showTool(ghost ? "oval" : tools.name);
-  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null });
+  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null, alone: document.body.dataset.solver === "neural" });
   stage.showCentroid(centroid);
   stage.invalidate();
 }
@@ -262,7 +264,7 @@ function onHello(hello) {
   shown.replays = false;
   const plays = shown.startsPlaying ?? (resumes ? true : null);
   // A command also keeps a session that the page had left for a moment.
-  if (plays !== null) session.send({ type: plays ? "play" : "pause" });
+  if (plays !== null) shown.about.then(() => hello.session.id === shown.id && session.send({ type: plays ? "play" : "pause" }));
   shown.startsPlaying = null;
   shown.arriving = false;
   if (ownsSession()) keep({ session: shown.id });
@@ -291,8 +293,12 @@ function showSession(hello) {
   showFindings(hello.session.findings.filter(isShown));
   const { scenario: from, seed: drawn } = hello.session;
   document.title = `${from ? `${titleOf(from)}, seed ${drawn}` : capitalised(shown.scene.name || "your scene")} - hybridmpm`;
+  shown.lesson = null;
+  shown.about = Promise.resolve();
+  document.getElementById("lesson").hidden = true;
   if (!hello.session.scenario) {
     showOwnScene(shown.scene.name || "Your scene");
+    if (shown.place.gallery !== undefined) shown.about = showAbout(shown.place.gallery, hello);
     showChoice({ scenario: "", solver: hello.session.solver, coarse: hello.session.coarse });
     return;
   }
@@ -300,6 +306,19 @@ function showSession(hello) {
   shown.chosen = { scenario, seed, solver, coarse };
   chooseScene(shown.chosen);
   showChoice(shown.chosen);
+}
+
+/** Show what the gallery says of a scene; a lesson has a card of its own, and its speed at the start. */
+async function showAbout(name, { session: { id, frame }, spacing }) {
+  const { aboutOf } = await import("./gallery/panel.js");
+  const about = await aboutOf(name).catch(() => null);
+  if (about === null || id !== shown.id) return;
+  describeOwnScene(`${about.about} Try: ${about.try}`);
+  if (about.measure === undefined) return;
+  const { Lesson } = await import("./lesson/panel.js");
+  if (id !== shown.id) return;
+  shown.lesson = new Lesson(about, spacing);
+  if (frame === 0) session.send({ type: "speed", value: about.speed });
 }
 
 function onStatus(status) {
@@ -343,6 +362,7 @@ function showNewest() {
     stage.show(frame);
     livePanel.showFrame(frame);
     tellHost("frame", { number: frame.frame, time: frame.time });
+    shown.lesson?.note(frame);
     // The volume takes a pass over all particles, so one frame in so many has to do.
     trackFrame(frame, shown.frames++ % VOLUME_EVERY === 0 ? stage.volume : null);
     messages.hideSkeleton();

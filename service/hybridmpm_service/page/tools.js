@@ -1,6 +1,7 @@
 // The chosen tool, and the pointers on the stage that use it.
 
 import * as controls from "./panels/controls.js";
+import { clearHints } from "./panels/messages.js";
 import { StageKeys } from "./sketch/keys.js";
 import { StagePointer } from "./sketch/pointer.js";
 import { depthOfWidth } from "./sketch/sketch.js";
@@ -76,6 +77,7 @@ export class Tools {
   #begin(sample) {
     const { stage, steering, hand, isLive, play } = this.#parts;
     if (!isLive()) return;
+    clearHints();
     // Strokes are taken in the front view, which the camera reaches at once for them.
     if (stage.view.settle(Infinity)) stage.invalidateView();
     if (this.name === "push") {

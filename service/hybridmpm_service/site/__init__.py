@@ -23,7 +23,7 @@ from hybridmpm import (
 )
 
 _GALLERY = resources.files("hybridmpm_service") / "page" / "gallery"
-_SECTIONS = {"scenes": "Scenes", "demos": "Control by sketches"}
+_SECTIONS = {"lessons": "Lessons", "scenes": "Scenes", "demos": "Control by sketches"}
 """Titles of the kinds of entries."""
 
 
@@ -108,8 +108,13 @@ def write_site(
 
 
 def _write_page(entry: Entry, page: Path) -> None:
-    text = f"{entry.about}\n\n**Try:** {entry.to_try}\n\n[All scenes](index.html)"
-    solver, more = _scene(entry) if entry.kind == "scenes" else _demo(entry)
+    parts = [entry.about]
+    if entry.kind == "lessons":
+        about = entry.settings
+        parts += [f"**Question:** {about['question']}", f"**Answer:** {about['answer']}", about["law"]]
+    parts += [f"**Try:** {entry.to_try}", "[All scenes](index.html)"]
+    text = "\n\n".join(parts)
+    solver, more = _demo(entry) if entry.kind == "demos" else _scene(entry)
     play(solver, page, name=entry.title, text=text, **more)
 
 

@@ -8,11 +8,18 @@ let parts = null; // {open, show, toast}, from openGallery
 
 const entriesKnown = () => client.json("GET", "gallery/entries.json");
 
+/** What the gallery says of a scene or a lesson; a lesson has what is measured. Throws Problem where there is none. */
+export async function aboutOf(name) {
+  const { lessons, scenes } = await entriesKnown();
+  const found = [lessons, scenes].find((entries) => Object.hasOwn(entries, name));
+  if (found === undefined) throw new Problem("Not in the gallery", "", 404);
+  return found[name];
+}
+
 /** A scene of the gallery by its name, {scene, coarse}; the level may be absent. Throws Problem where there is none. */
 export async function exhibit(name) {
-  const { scenes } = await entriesKnown();
-  if (!Object.hasOwn(scenes, name)) throw new Problem("Not in the gallery", "", 404);
-  return { scene: await client.json("GET", `gallery/${name}.json`), coarse: scenes[name].coarse };
+  const { coarse } = await aboutOf(name);
+  return { scene: await client.json("GET", `gallery/${name}.json`), coarse };
 }
 
 /** What plays a demonstration of the gallery, as in presets.js. Throws Problem where there is none of this name. */
@@ -61,19 +68,21 @@ function presetOf({ scenario, sketch }, { sketches, played: { seed, frame, hold 
 
 async function fill() {
   const entries = await entriesKnown();
-  const scenes = Object.entries(entries.scenes).map(([name, scene]) =>
-    itemOf(name, scene, () => {
-      byId("gallery").close();
-      openExhibit(name, parts);
-    }),
-  );
+  const items = (section) =>
+    Object.entries(section).map(([name, scene]) =>
+      itemOf(name, scene, () => {
+        byId("gallery").close();
+        openExhibit(name, parts);
+      }),
+    );
   const demos = Object.entries(entries.demos).map(([name, demo]) =>
     itemOf(name, demo, () => {
       byId("gallery").close();
       parts.show(presetOf(demo, entries), name);
     }),
   );
-  byId("gallery-list").replaceChildren(...scenes);
+  byId("gallery-lessons").replaceChildren(...items(entries.lessons));
+  byId("gallery-list").replaceChildren(...items(entries.scenes));
   byId("gallery-demos").replaceChildren(...demos);
 }
 

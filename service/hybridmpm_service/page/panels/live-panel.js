@@ -21,11 +21,19 @@ export function showDrawing(framesPerSecond) {
 }
 
 const threeDigits = (value) => value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0);
+const SLOW = 0.9; // part of the chosen speed below which the page says so
 
 /** A session that has just begun to play has no pace yet. */
 function measuredText(playing, measured) {
   if (!playing) return "paused";
   return measured > 0 ? `${speedText(measured)} real time` : "waiting";
+}
+
+/** Say why a scene plays slower than was asked for; nothing where it does not. */
+function showSlowness({ playing, speed }, measured, median) {
+  const isSlow = playing && measured > 0 && measured < SLOW * speed;
+  byId("slow-note").hidden = !isSlow;
+  if (isSlow) setText("slow-note", `Slower than asked: ${speedText(measured)} of ${speedText(speed)}. A frame takes ${threeDigits(median)} ms of the solver.`);
 }
 
 /** @param status a status message, or {session} of a hello message, which has no measurements */
@@ -34,6 +42,7 @@ export function showStatus({ session, ms_per_frame: median, ms_p95: high, time_s
     setText("solver", high > 0 ? `${threeDigits(median)} ms (p95 ${threeDigits(high)})` : `${threeDigits(median)} ms`);
   }
   setText("measured", measuredText(session.playing, measured));
+  showSlowness(session, measured, median);
   setText("count", session.particles.toLocaleString("en"));
   const last = session.last_frame;
   setText("substeps", last === null || last.substeps === null ? "–" : `${last.substeps} (${last.bound})`);

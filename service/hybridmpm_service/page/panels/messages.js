@@ -3,6 +3,7 @@
 import { byId, setText } from "./dom.js";
 
 const TOAST_MS = 9000;
+const HINT_MS = 5000; // advice is shorter, and goes with the next stroke
 
 const CONNECTION = {
   connecting: "Connecting",
@@ -63,5 +64,10 @@ export function toast({ title, detail = "", advice = "", hint = false }) {
   const toasts = byId("toasts");
   toasts.append(box);
   while (toasts.children.length > 3) toasts.firstElementChild.remove();
-  setTimeout(() => box.remove(), TOAST_MS);
+  setTimeout(() => box.remove(), hint ? HINT_MS : TOAST_MS);
+}
+
+/** Take away the advice that is shown: the visitor goes on. */
+export function clearHints() {
+  for (const box of byId("toasts").querySelectorAll(".hint")) box.remove();
 }

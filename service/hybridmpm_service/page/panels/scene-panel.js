@@ -49,6 +49,14 @@ export function showOwnScene(name) {
   describeScenario();
 }
 
+/** Say of the shown scene what there is to see, and to try. */
+export function describeOwnScene(text) {
+  const own = byId("own-scene");
+  if (own === null) return;
+  own.dataset.text = text;
+  describeScenario();
+}
+
 export function chooseScene({ scenario, seed }) {
   byId("own-scene")?.remove();
   byId("seed").disabled = false;
@@ -61,17 +69,20 @@ function describeScenario() {
   setText("scenario-text", byId("scenario").selectedOptions[0]?.dataset.text ?? "");
 }
 
-/** "obstacles[0]" -> "Obstacle 1"; other fields as they are. */
+/** "obstacles[0].start" -> "Obstacle 1"; other fields as they are. */
 function nounOf(field) {
   const part = field.match(/^(\w+)\D(\d+)/);
   return part && PARTS[part[1]] ? `${PARTS[part[1]]} ${Number(part[2]) + 1}` : field;
 }
 
+/** A text with the names of things in the place of "bodies[0]". */
+const inWords = (text) => text.replace(/\b(?:bodies|obstacles|emitters|sinks)\[\d+\]/g, (field) => nounOf(field).toLowerCase());
+
 /** Show the findings of the scene's check, each with its remedy. */
 export function showFindings(findings) {
   const items = findings.map(({ field, problem, advice }) => {
     const item = document.createElement("li");
-    item.textContent = `${nounOf(field)} ${advice ? `${problem}; ${advice}` : problem}.`;
+    item.textContent = `${nounOf(field)} ${inWords(advice ? `${problem}; ${advice}` : problem)}.`;
     return item;
   });
   byId("findings").replaceChildren(...items);

@@ -12,10 +12,12 @@ const percent = (share) => `${(100 * share).toFixed(share > 0.995 ? 1 : 0)} %`;
  * What was reached when the sketch's frames were over; empty as long as the server has not said it. An arrow is about
  * the centre of mass, also where the fluid has become a disc at its tip.
  */
-function reachedText({ sketch, reached }) {
+function reachedText({ sketch, reached }, alone) {
   if (reached === null) return "";
   const oval = sketch?.kind === "ellipse" && reached.inside !== null;
-  return oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
+  const text = oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
+  // The centre of mass may be at the tip while a network has torn the body apart.
+  return alone ? `${text}; a network moves it as well as it can` : text;
 }
 
 const HINTS = {
@@ -33,7 +35,7 @@ function hint(tool, who) {
 }
 
 /** The line under the picture, for each phase of steering. */
-function steerText(steering, { live, playing, tool, ghost, who }) {
+function steerText(steering, { live, playing, tool, ghost, who, alone }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
     case "drawing":
@@ -46,9 +48,9 @@ function steerText(steering, { live, playing, tool, ghost, who }) {
       if (!playing) return `Paused: play to follow the ${kind}`;
       return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: moving as near as possible";
     case "holding":
-      return `Holding: ${reachedText(steering) || kind}`;
+      return `Holding: ${reachedText(steering, alone) || kind}`;
     case "done":
-      return `Done${steering.reached === null ? "" : `: ${reachedText(steering)}`}`;
+      return `Done${steering.reached === null ? "" : `: ${reachedText(steering, alone)}`}`;
     default:
       if (!live) return "Waiting for the simulation";
       if (ghost) return "Draw an oval like this, and the fluid follows";
@@ -79,7 +81,7 @@ export function showSteering(steering, context) {
   setText("moved", context.centroid === null ? "–" : centimetres(from(context.centroid)));
   setText("need", `${plan.needs.acceleration.toFixed(1)} g of ${plan.needs.cap} g`);
   setText("reached-name", `After ${plan.frames} frames`);
-  setText("reached", reachedText(steering) || "–");
+  setText("reached", reachedText(steering, context.alone) || "–");
   const remarks = plan.needs.notes.map((note) => `${note.charAt(0).toUpperCase()}${note.slice(1)}.`);
   const obstructions = plan.needs.obstructions.map(({ message }) => `Out of reach: ${message}.`);
   setText("needs-text", [...obstructions, ...remarks].join(" "));

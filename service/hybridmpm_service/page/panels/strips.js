@@ -6,7 +6,7 @@ const FRAMES = 1000; // as many as the server keeps of the safeguard
 const MIN_FRAMES = 200; // a run that has just begun does not fill the width
 const MARGIN = { left: 42, right: 8, top: 18, bottom: 20 };
 const GAP = 20; // px between two strips, for the name of the lower one
-const COLORS = { value: "#58b9ff", threshold: "#ff8a80", mpm: "rgb(255 209 102 / 0.2)", line: "#2c3d52", text: "#93a3b8" };
+const COLORS = { value: "--accent", threshold: "--red", mpm: "--band", line: "--line", text: "--muted" };
 const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif";
 
 /** A number with two decimals and a true minus. */
@@ -104,26 +104,29 @@ export function drawStrips(canvas, strips, view) {
   const context = canvas.getContext("2d");
   context.scale(scale, scale);
   context.font = FONT;
+  // Those of the page, light or dark.
+  const styles = getComputedStyle(canvas);
+  const colors = Object.fromEntries(Object.entries(COLORS).map(([name, property]) => [name, styles.getPropertyValue(property)]));
   const plan = layout(strips, { ...view, width, height });
-  drawBands(context, plan);
-  drawAxes(context, plan, strips);
-  for (const line of plan.lines) drawLine(context, line);
+  drawBands(context, plan, colors);
+  drawAxes(context, plan, strips, colors);
+  for (const line of plan.lines) drawLine(context, line, colors);
 }
 
-function drawBands(context, { areas, bands }) {
-  context.fillStyle = COLORS.mpm;
+function drawBands(context, { areas, bands }, colors) {
+  context.fillStyle = colors.mpm;
   for (const { top, bottom } of areas) {
     for (const { x, width } of bands) context.fillRect(x, top, width, bottom - top);
   }
 }
 
-function drawAxes(context, { areas, ticks, first, last }, strips) {
+function drawAxes(context, { areas, ticks, first, last }, strips, colors) {
   const { left, right, bottom } = areas.at(-1);
   context.textAlign = "right";
   context.textBaseline = "middle";
   for (const { y, text, threshold } of ticks) {
-    context.strokeStyle = threshold ? COLORS.threshold : COLORS.line;
-    context.fillStyle = threshold ? COLORS.threshold : COLORS.text;
+    context.strokeStyle = threshold ? colors.threshold : colors.line;
+    context.fillStyle = threshold ? colors.threshold : colors.text;
     context.setLineDash(threshold ? [5, 4] : []);
     context.beginPath();
     context.moveTo(left, y);
@@ -132,7 +135,7 @@ function drawAxes(context, { areas, ticks, first, last }, strips) {
     context.fillText(text, left - 6, y);
   }
   context.setLineDash([]);
-  context.fillStyle = COLORS.text;
+  context.fillStyle = colors.text;
   context.textBaseline = "alphabetic";
   context.textAlign = "left";
   strips.forEach(({ name }, i) => context.fillText(name, left, areas[i].top - 6));
@@ -141,8 +144,8 @@ function drawAxes(context, { areas, ticks, first, last }, strips) {
   context.fillText(last.toLocaleString("en"), right, bottom + 16);
 }
 
-function drawLine(context, points) {
-  context.strokeStyle = COLORS.value;
+function drawLine(context, points, colors) {
+  context.strokeStyle = colors.value;
   context.lineWidth = 1.75;
   context.lineJoin = "round";
   context.beginPath();

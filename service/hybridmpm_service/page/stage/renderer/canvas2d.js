@@ -6,6 +6,7 @@ import { css, grainShade, mix, onScale, SAND_DARK, SAND_LIGHT } from "./palette.
 import { SpherePicture } from "./spheres-cpu.js";
 
 const GRAIN_SHADES = 6;
+const GRAIN_SPACINGS = 1.45; // side of a particle: neighbours overlap, also where the flow has drawn them apart
 const SCALE_STEPS = 32; // colours of a quantity
 
 export class CanvasRenderer {
@@ -74,7 +75,7 @@ export class CanvasRenderer {
 
   #drawSquares(view, indices, color) {
     const { positions } = this.#particles;
-    const side = 1.25 * this.#scene.spacing * view.pixelsPerMetre;
+    const side = GRAIN_SPACINGS * this.#scene.spacing * view.pixelsPerMetre;
     this.#context.fillStyle = color;
     for (const i of indices) {
       const [px, py] = view.project([positions[2 * i] / 65535, positions[2 * i + 1] / 65535]);

@@ -16,7 +16,7 @@ export const mix = (a, b, t) => a.map((channel, i) => channel + (b[i] - channel)
 export const css = (rgb) => `rgb(${rgb.map(Math.round).join(" ")})`;
 
 /** Colours of a scale from low to high, ever brighter, from blue to yellow: also distinct for colour-blind visitors. */
-const SCALE = [[84, 70, 190], [48, 118, 206], [40, 164, 166], [136, 204, 100], [252, 236, 90]];
+const SCALE = [[138, 122, 240], [72, 142, 236], [40, 164, 166], [136, 204, 100], [252, 236, 90]];
 
 /** The colour at a place of the scale, in [0, 1]. */
 export function onScale(t) {
