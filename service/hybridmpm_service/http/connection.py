@@ -7,6 +7,7 @@ proxy in front would close these holes only for those who run one. Tests of slow
 
 import asyncio
 import logging
+import socket
 import time
 from collections.abc import Collection, Mapping
 from http import HTTPStatus
@@ -178,6 +179,8 @@ _PARTS, _PART_BYTES = 64, 256
 """Parts of a request of any length, and mean length of further ones [bytes]."""
 _READ_BYTES = 1024
 """Bytes of a stream that are read at once; 500 frames need at least as many."""
+_UNSENT_BYTES = 16 * 1024
+"""Bytes of a stream that wait for a slow line, at most one message more; what waits shows old frames."""
 _READ_COST = 0.25
 """Tokens of a read that completes no frame."""
 
@@ -392,6 +395,14 @@ class StreamProtocol(WebSocketsSansIOProtocol):
         self._throttle = Throttle(self.rate, self.burst, time.monotonic)
         self._flooded = False
         self._unread = bytearray()
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Bound what waits for the line, here and in the system."""
+        super().connection_made(transport)
+        transport.set_write_buffer_limits(high=_UNSENT_BYTES)
+        if hasattr(socket, "TCP_NOTSENT_LOWAT"):  # on Linux and macOS
+            end = transport.get_extra_info("socket")
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_BYTES)
 
     def data_received(self, data: bytes) -> None:
         """Read some bytes in turn, in pieces, so that none has frames for long; none after a flood."""

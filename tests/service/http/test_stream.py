@@ -275,14 +275,16 @@ def test_a_long_computation_blocks_neither_the_loop_nor_other_sessions(service: 
     service.http.delete(other)
 
 
+DENSE_SCENE: dict[str, Any] = {
+    "dim": 2,
+    "resolution": 32,
+    "particles_per_cell": 64,
+    "bodies": [{"shape": "box", "lower": [0.2, 0.2], "upper": [0.6, 0.6], "material": "water"}],
+}
+
+
 def test_a_client_that_does_not_read_delays_no_other_and_ends_with_the_newest_frame(service: Any) -> None:
-    scene = {
-        "dim": 2,
-        "resolution": 32,
-        "particles_per_cell": 64,
-        "bodies": [{"shape": "box", "lower": [0.2, 0.2], "upper": [0.6, 0.6], "material": "water"}],
-    }
-    path = service.create(scene)
+    path = service.create(DENSE_SCENE)
     # No buffer on this side, so that the server feels that nobody reads.
     with service.stream(path, max_queue=1, close_timeout=1) as slow, service.stream(path) as fast:
         fast.send(type="speed", value=1.0)
@@ -295,4 +297,17 @@ def test_a_client_that_does_not_read_delays_no_other_and_ends_with_the_newest_fr
         while not numbers or numbers[-1] < last:
             numbers.append(decode(slow.frame()).number)
         assert numbers == sorted(numbers)
+
+
+def test_a_slow_line_gets_fewer_frames_and_no_old_ones(service: Any) -> None:
+    """What waits for a line is bounded in bytes, here and in the system; a frame has 42 KB."""
+    path = service.create(DENSE_SCENE)
+    with service.stream(path, max_queue=1, close_timeout=1) as slow, service.stream(path) as fast:
+        for number in range(1, 61):
+            fast.send(type="step")
+            fast.reach(number)
+        numbers = [decode(slow.frame()).number]
+        while numbers[-1] < 60:
+            numbers.append(decode(slow.frame()).number)
+        assert len(numbers) < 12
     service.http.delete(path)
