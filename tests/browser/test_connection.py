@@ -92,3 +92,17 @@ def test_joined_session_stays_when_the_page_leaves(open_page: Open, service: Liv
     visit.page.goto("about:blank")
     visit.page.wait_for_timeout(500)
     assert service.get(f"/v1/sessions/{session}")["frame"] == 4
+
+
+@pytest.mark.long
+def test_a_slow_line_is_shown(open_page: Open) -> None:
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3&simulate=server", until=LIVE)
+    expect(visit.page.locator("#home")).to_have_text("simulated on the server")
+    log = visit.page.context.new_cdp_session(visit.page)
+    line = {"offline": False, "latency": 150, "downloadThroughput": 60e3, "uploadThroughput": 60e3}
+    log.send("Network.emulateNetworkConditions", line)
+    expect(visit.page.locator("#home")).to_have_text("simulated on the server, slow line")
+    expect(visit.page.locator("#fps")).to_contain_text("the line brings")
+    fast = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+    log.send("Network.emulateNetworkConditions", fast)
+    visit.wait_for("Number(body.frame) > 200")

@@ -52,6 +52,26 @@ def _frame(magic: bytes = b"HMPM", version: int = 2, count: int = 2, dim: int = 
     return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
 
 
+def test_a_slow_line_is_one_that_brings_fewer_frames_than_are_due(page: Page) -> None:
+    script = """async () => {
+      const { Line } = await import("/net/line.js");
+      const line = new Line();
+      const after = (from, to, every, pace) => {
+        for (let now = from; now < to; now += every) line.take(now);
+        return line.slow(to, pace);
+      };
+      return [
+        after(0, 1000, 100, 100), // for too short a time to say
+        after(1000, 3000, 100, 100),
+        after(3000, 5000, 20, 100),
+        after(5000, 7000, 100, 10),
+        after(7000, 9000, 100, 0),
+        after(9000, 10000, 500, 100),
+      ];
+    }"""
+    assert page.evaluate(script) == [None, {"come": 9.5, "due": 60}, None, None, None, None]
+
+
 def test_scenes_are_drawn_in_lengths_of_their_world(page: Page) -> None:
     obstacle = {
         "shape": "ball",
@@ -153,6 +173,9 @@ _EACH_CALL = """async () => {
     }],
     [job, { refresh: [], result: [], delete: [] }],
   ];
+  const shape = { kind: "shape", outlines: [[[0.3, 0.3], [0.5, 0.3], [0.4, 0.5]]] };
+  await session.steer(shape);
+  await session.steer([{ sketch: shape, frames: 20 }, { strokes: [stroke] }], { cap: 10 });
   for (const [one, each] of methods) {
     for (const [name, given] of Object.entries(each)) await one[name](...given);
   }
@@ -182,6 +205,8 @@ def test_the_client_has_each_call_of_the_service_and_nothing_else(page: Page, se
         schema = document["components"]["schemas"].get(schema.get("$ref", "").rpartition("/")[2], {})
         known = {one["name"] for one in operation.get("parameters", ())} | set(schema.get("properties", ()))
         assert set(fields) <= known, (method, path)
+    steered = {one for _, path, fields, _ in made["calls"] if path.endswith("sketches") for one in fields}
+    assert steered == {"strokes", "sketch", "keyframes", "hold", "cap"}
     types = (Path(hybridmpm_service.__file__).parent / "page" / "client.d.ts").read_text(encoding="utf-8")
     common = {"constructor", "at", "call", "json", "socket", "stream", "events"}
     for kind, names, named in zip(("Client", "Session", "Job"), made["names"], made["named"], strict=True):

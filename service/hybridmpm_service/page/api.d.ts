@@ -47,8 +47,8 @@ export interface CheckScene {
 export interface Control {
   /** Number of the sketch in its session, counted from 1. */
   number: number;
-  /** Kind of the sketch. */
-  kind: "arrow" | "ellipse";
+  /** Kind of the sketch; of several in turn that of the present one. */
+  kind: "arrow" | "ellipse" | "shape";
   /** preparing: it is being planned; an older one may steer meanwhile. steering: it leads the fluid to the goal. out_of_reach: as steering, but something is known to be in the way. holding: it keeps the goal. done: it no longer steers. */
   phase: "preparing" | "steering" | "out_of_reach" | "holding" | "done";
   /** Name of the method that planned. */
@@ -57,8 +57,10 @@ export interface Control {
   first_frame?: number | null;
   /** Number of frames that the sketch has steered so far, those of `hold` included. */
   frames_done?: number;
-  /** Number of frames in which the goal is to be reached. */
+  /** Number of frames in which the goal is to be reached, of several the last. */
   frames?: number | null;
+  /** Number of the present goal among several, from 0 on; null where there is one. */
+  keyframe?: number | null;
   /** Number of frames for which the goal is kept after that. */
   hold?: number | null;
   /** Share of the mass in the goal after `frames`; null before, and for an arrow that keeps the fluid's shape. */
@@ -162,8 +164,10 @@ export interface Forces {
 export interface GoalBody {
   /** Planned path of the centre of mass; [point][axis] [m]. */
   path: number[][];
-  /** Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow. */
+  /** Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow and a shape. */
   drawn: number[][] | null;
+  /** Outlines of a shape at the size to fill, within the walls; [line][point][axis] [m]. Null for others. */
+  outlines?: number[][][] | null;
   /** Outline of the region to fill, within the walls; [point][axis] [m]. It is the oval, grown or shrunk as `needs.scale` says, or a disc around the tip of an arrow. Obstacles take their part of it. Null where an arrow keeps the fluid's shape. */
   region: number[][] | null;
 }
@@ -223,6 +227,30 @@ export interface JobList {
   missing_nodes?: string[];
 }
 
+export interface KeyframeRecord {
+  /** The sketch of the goal. */
+  sketch: SketchRecord;
+  /** Number of frames from the goal before to this one. Chosen by the needs of the goal if absent. */
+  frames?: number | null;
+  /** Number of frames for which the goal is kept. */
+  hold?: number;
+  /** Particles that are led to it, as of a sketch, chosen in the state at the start. */
+  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+}
+
+export interface KeyframeRequest {
+  /** Strokes of the goal: exactly one. */
+  strokes?: Stroke[] | null;
+  /** The goal as interpreted, in place of strokes. */
+  sketch?: SketchRecord | null;
+  /** Number of frames from the goal before to this one. Chosen by the needs of the goal if absent. */
+  frames?: number | null;
+  /** Number of frames for which the goal is kept. */
+  hold?: number;
+  /** Particles that are led to it, as of a sketch, chosen in the state at the start. */
+  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+}
+
 export interface LastFrame {
   /** Number of MPM's substeps; null where a network made the frame. */
   substeps: number | null;
@@ -230,6 +258,20 @@ export interface LastFrame {
   bound: string | null;
   /** Time that the simulator took for the frame [ms]. */
   ms: number;
+}
+
+export interface LegBody {
+  /** The sketch as interpreted. */
+  sketch: Record<string, unknown>;
+  /** Frames since the start of the sequence at which it begins. */
+  start: number;
+  /** Number of frames in which the goal is to be reached. */
+  frames: number;
+  /** Number of frames for which it is kept. */
+  hold: number;
+  /** Velocity of the centre of mass at the goal [m/s]; null for rest. */
+  velocity: number[] | null;
+  needs: NeedsBody;
 }
 
 export interface LimitedSettings {
@@ -603,7 +645,7 @@ export interface SessionList {
 }
 
 export interface SketchBody {
-  /** The sketch as interpreted: an "arrow" with `points` [m], or an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth. */
+  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the depth. */
   sketch: Record<string, unknown>;
   /** Name of the method that planned. */
   method: string;
@@ -619,6 +661,8 @@ export interface SketchBody {
   planning_ms: number;
   needs: NeedsBody;
   goal: GoalBody;
+  /** Several goals in turn, of which the fields above describe the present one, and `frames` and `hold` the last; null for one sketch. */
+  keyframes?: LegBody[] | null;
   /** Number of the sketch in its session, counted from 1. */
   number: number;
   /** Frame of the session whose state the sketch was planned for; `first_frame` is later where the session went on meanwhile. */
@@ -636,9 +680,11 @@ export interface SketchInput {
   drawn_frame: number;
   /** Name of the method that planned. */
   planned_by: string;
-  /** The sketch. */
+  /** The sketch, or the first of several. */
   sketch: SketchRecord;
-  /** Its settings. */
+  /** Several sketches in turn; null where there is one. */
+  keyframes?: KeyframeRecord[] | null;
+  /** Their settings. */
   settings: LimitedSettings;
 }
 
@@ -681,7 +727,11 @@ export interface SketchRequest {
   /** Seed of random numbers of a method. */
   seed?: number;
   /** Strokes of the sketch: exactly one. */
-  strokes: Stroke[];
+  strokes?: Stroke[] | null;
+  /** The sketch as interpreted, in place of strokes; a shape has no other form. */
+  sketch?: SketchRecord | null;
+  /** Several sketches in turn. */
+  keyframes?: KeyframeRequest[] | null;
 }
 
 export interface Stroke {
@@ -696,7 +746,7 @@ export interface Stroke {
 }
 
 export interface TrajectoryBody {
-  /** The sketch as interpreted: an "arrow" with `points` [m], or an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth. */
+  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the depth. */
   sketch: Record<string, unknown>;
   /** Name of the method that planned. */
   method: string;
@@ -712,6 +762,8 @@ export interface TrajectoryBody {
   planning_ms: number;
   needs: NeedsBody;
   goal: GoalBody;
+  /** Several goals in turn, of which the fields above describe the present one, and `frames` and `hold` the last; null for one sketch. */
+  keyframes?: LegBody[] | null;
   reached: ReachedBody;
   /** Acceleration that steers, besides gravity, as the mean over the mass of the particles; [frame][axis], T rows [m/s^2]. */
   mean_force: number[][];

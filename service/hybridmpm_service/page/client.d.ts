@@ -6,10 +6,10 @@ export type * as api from "./api.js";
 
 /** As `hybridmpm schema` describes it. */
 type Scene = Record<string, unknown>;
-/** A stroke with its points, the points alone [m], or a picture. */
-export type Drawing = api.Stroke | [number, number][] | Blob;
-/** Settings of a sketch, without its strokes. */
-export type SketchSettings = Omit<api.SketchRequest, "strokes">;
+/** A stroke, its points alone [m], a sketch as interpreted (such as a shape), several goals in turn, or a picture. */
+export type Drawing = api.Stroke | [number, number][] | api.SketchRecord | api.KeyframeRequest[] | Blob;
+/** Settings of a sketch. */
+export type SketchSettings = Omit<api.SketchRequest, "strokes" | "sketch" | "keyframes">;
 
 export interface Options {
   /** Token of a key or of a link, where the service has keys. It is sent in headers alone. */

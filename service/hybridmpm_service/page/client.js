@@ -153,9 +153,13 @@ export class Client {
   }
 }
 
-/** The body of a sketch: a stroke, its points, or a picture. */
+const isSketch = (drawing) => "outlines" in drawing || "center" in drawing;
+
+/** The body of a sketch: a stroke, its points, a sketch as interpreted, several goals in turn, or a picture. */
 function sketchOf(drawing, settings) {
-  if (!(drawing instanceof Blob)) return { strokes: [Array.isArray(drawing) ? { points: drawing } : drawing], ...settings };
+  if (Array.isArray(drawing) && Array.isArray(drawing[0])) return { strokes: [{ points: drawing }], ...settings };
+  if (Array.isArray(drawing)) return { keyframes: drawing, ...settings };
+  if (!(drawing instanceof Blob)) return isSketch(drawing) ? { sketch: drawing, ...settings } : { strokes: [drawing], ...settings };
   const form = new FormData();
   form.set("sketch", drawing, "sketch");
   for (const [name, value] of Object.entries(settings)) form.set(name, typeof value === "object" ? JSON.stringify(value) : String(value));

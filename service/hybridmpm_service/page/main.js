@@ -7,6 +7,7 @@ import { client } from "./net/api.js";
 import { Keeper } from "./net/keeper.js";
 import { onKeyNeeded, useLink } from "./net/key.js";
 import { Polled } from "./net/polled.js";
+import { Line } from "./net/line.js";
 import { SessionClient } from "./net/session.js";
 import { Silence } from "./net/silence.js";
 import { bindAppearance, bindColours, offerPressure, showHighest } from "./panels/appearance.js";
@@ -54,6 +55,7 @@ const shown = {
   message: null, // the newest binary frame, until it is shown
   frames: 0, // number of frames that were shown
   who: null, // the body that the next sketches lead, {particle, name}; null where they lead everything
+  pace: 0, // frames a second that are computed
   drawnAt: [], // times of the pictures of the last second [ms]
   speedTimer: 0,
   lesson: null, // that of the gallery which is shown
@@ -175,6 +177,7 @@ const problemOf = ({ title, detail, status, type }) => ({ title, detail, status,
 // ---- from the server ----
 
 const keeper = new Keeper(() => session.log());
+const line = new Line();
 const silence = new Silence(() => {
   if (session.state === "live") onState("live", {});
 });
@@ -326,6 +329,7 @@ function onStatus(status) {
   tellHost("status", status.session);
   if (ownsSession()) keeper.note(status.session);
   livePanel.showStatus(status);
+  shown.pace = status.session.playing ? status.time_scale / status.session.frame_dt : 0;
   trackForces(status.session.frame, status.forces);
   showWho(status.session, status.history);
   shown.speed = status.session.speed;
@@ -352,6 +356,7 @@ function onProblem(problem) {
 
 function onFrame(buffer) {
   silence.hear();
+  line.take(performance.now());
   shown.message = buffer; // an older one that has not been shown yet is skipped
 }
 
@@ -396,7 +401,8 @@ function measureDrawing() {
   if (session.state === "live") silence.listen();
   const now = performance.now();
   shown.drawnAt = shown.drawnAt.filter((time) => now - time < 1000);
-  livePanel.showDrawing(shown.drawnAt.length > 1 ? shown.drawnAt.length : null);
+  const isSent = session.state === "live" && !session.isHere && !document.hidden;
+  livePanel.showDrawing(shown.drawnAt.length > 1 ? shown.drawnAt.length : null, line.slow(now, isSent ? shown.pace : 0));
 }
 
 // ---- from the user ----

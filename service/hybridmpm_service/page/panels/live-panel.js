@@ -15,9 +15,16 @@ export function showFrame({ frame, time }) {
   setText("time", `${time.toFixed(3)} s`);
 }
 
-/** Show the number of pictures a second; null while none are drawn. */
-export function showDrawing(framesPerSecond) {
-  setText("fps", framesPerSecond === null ? "idle" : `${Math.round(framesPerSecond)} fps`);
+/**
+ * Show the number of pictures a second; null while none are drawn.
+ *
+ * @param slow {come, due}: frames a second that the line brings, and that would be due; null where it is fast enough
+ */
+export function showDrawing(framesPerSecond, slow) {
+  const drawn = framesPerSecond === null ? "idle" : `${Math.round(framesPerSecond)} fps`;
+  setText("fps", slow === null ? drawn : `${drawn}: the line brings ${Math.round(slow.come)} of ${Math.round(slow.due)}`);
+  const where = document.body.dataset.simulated === "here" ? "here" : "on the server";
+  setText("home", `simulated ${where}${slow === null ? "" : ", slow line"}`);
 }
 
 const threeDigits = (value) => value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0);
