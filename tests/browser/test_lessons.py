@@ -10,6 +10,7 @@ from playwright.sync_api import expect
 import hybridmpm_service
 
 from .conftest import LiveService, Open, Visit
+from .panels.test_accessibility import violations
 
 pytestmark = pytest.mark.browser
 
@@ -80,3 +81,15 @@ def test_a_lesson_ends_where_another_scene_begins(open_page: Open, service: Live
     visit.page.locator("#scenario").select_option("sand_2d")
     visit.wait_for(f"body.state === 'live' && body.session !== '{first}'")
     expect(visit.page.locator("#lesson")).to_be_hidden()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("width", "theme"), [(390, "light"), (1100, "dark")])
+def test_axe_finds_nothing_in_lessons_and_gallery(
+    open_page: Open, service: LiveService, width: int, theme: str
+) -> None:
+    visit = _open(open_page, service, "torricelli", width, theme)
+    assert violations(visit) == []
+    visit.page.get_by_role("button", name="Gallery").click()
+    expect(visit.page.locator("#gallery-lessons button")).to_have_count(len(LESSONS))
+    assert violations(visit) == []

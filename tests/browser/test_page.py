@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import json
 import math
 import re
 from pathlib import Path
@@ -10,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Locator, expect
+from playwright.sync_api import Locator, WebSocketRoute, expect
 
 import hybridmpm_service
 from hybridmpm_service.http.bundle import bundled, imported
@@ -72,6 +73,29 @@ def test_speed_slider_reaches_the_session(open_page: Open, service: LiveService)
     visit.page.locator("#speed").fill("-1")
     assert visit.page.locator("#speed-out").text_content() == "0.10\N{MULTIPLICATION SIGN} real time"
     visit.eventually(lambda: math.isclose(service.get(f"/v1/sessions/{visit.session}")["speed"], 0.1))
+
+
+def test_the_page_says_that_it_is_slower_than_asked(open_page: Open) -> None:
+    scale = [1.0]
+
+    def slow(socket: WebSocketRoute) -> None:
+        server = socket.connect_to_server()
+
+        def pass_on(message: str | bytes) -> None:
+            told = json.loads(message) if isinstance(message, str) else {}
+            is_status = told.get("type") == "status"
+            socket.send(json.dumps(told | {"time_scale": scale[0]}) if is_status else message)
+
+        server.on_message(pass_on)
+
+    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream*", slow), until=LIVE)
+    note = visit.page.locator("#slow-note")
+    expect(note).to_be_hidden()
+    scale[0] = 0.1
+    expect(note).to_contain_text(
+        "Slower than asked: 0.10\N{MULTIPLICATION SIGN} of 0.25\N{MULTIPLICATION SIGN}."
+    )
+    expect(visit.page.locator("#measured")).to_contain_text("0.10")
 
 
 def test_another_scenario_replaces_the_session(open_page: Open, service: LiveService) -> None:

@@ -201,6 +201,9 @@ def test_click_is_not_a_sketch(open_page: Open) -> None:
     visit.drag([(0.5, 0.5), (0.503, 0.5)])
     visit.wait_for("body.control === 'idle'")
     assert "too short" in (visit.page.locator(".toast").text_content() or "")
+    # Advice goes when one goes on.
+    visit.drag([(0.5, 0.5), (0.6, 0.6)], release=False)
+    expect(visit.page.locator(".toast")).to_have_count(0)
 
 
 def test_stroke_widths_mean_depth_in_3d(open_page: Open, service: LiveService) -> None:

@@ -14,7 +14,7 @@ AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 SCENE = "renderer=canvas2d&scenario=water_ramps_2d&seed=2&coarse=1%2F16"
 
 
-def _violations(visit: Visit) -> list[str]:
+def violations(visit: Visit) -> list[str]:
     """Return what axe-core finds on the page as it is."""
     # The page's own policy allows no foreign script; the browser's evaluates it all the same.
     visit.page.evaluate(AXE.read_text(encoding="utf-8"))
@@ -37,20 +37,20 @@ def _violations(visit: Visit) -> list[str]:
 def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, scheme: str) -> None:
     visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844}, until=LIVE)
     visit.press_until("Space", "body.playing === 'false'")
-    assert _violations(visit) == []
+    assert violations(visit) == []
     visit.page.get_by_role("button", name="Find a method").click()
     expect(visit.page.locator("#plan-answer")).to_be_visible()
-    assert _violations(visit) == []
+    assert violations(visit) == []
     visit.page.keyboard.press("Escape")
     visit.page.get_by_role("button", name="Build").click()
     visit.page.locator("[data-kind=emitter]").click()
-    assert _violations(visit) == []
+    assert violations(visit) == []
     visit.page.keyboard.press("Escape")
     visit.page.get_by_role("button", name="Help and keyboard shortcuts").click()
-    assert _violations(visit) == []
+    assert violations(visit) == []
     # It would have found something.
     visit.page.evaluate("document.getElementById('help').append(document.createElement('img'))")
-    assert [text.partition(":")[0] for text in _violations(visit)] == ["image-alt"]
+    assert [text.partition(":")[0] for text in violations(visit)] == ["image-alt"]
 
 
 def test_the_scheme_follows_the_system_and_the_user(open_page: Open, service: LiveService) -> None:

@@ -72,12 +72,16 @@ def test_it_finds_a_method_within_an_error_and_refuses_impossible_ones(
 def test_findings_of_the_scene_are_shown(open_page: Open, service: LiveService) -> None:
     body = {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
     shelf = {"shape": "box", "lower": [0.2, 0.3], "upper": [0.7, 0.306]}
-    scene = {"dim": 2, "resolution": 64, "bodies": [body], "obstacles": [shelf]}
+    within = body | {"material": "sand", "upper": [0.5, 0.65]}
+    scene = {"dim": 2, "resolution": 64, "bodies": [body, within], "obstacles": [shelf]}
     made = service.post("/v1/sessions", {"scene": scene})
-    assert len(made["findings"]) == 1
+    assert {finding["field"] for finding in made["findings"]} == {"bodies[1]", "obstacles[0]"}
     visit = open_page(f"renderer=canvas2d&session={made['id']}", until="body.state === 'live'")
     found = visit.page.get_by_role("list", name="Scene problems")
     expect(found).to_contain_text("Obstacle 1 is 0.006 m thick")
+    # Things have names on the page, not the paths of scene files.
+    expect(found).to_contain_text("% of its volume in body 1, which keeps that part")
+    expect(found).not_to_contain_text("[")
     # A show piece does not scold: the wheel's scene has a note about what its emitters cost.
     other = open_page("renderer=canvas2d&gallery=water-wheel", until=LIVE)
     assert service.get(f"/v1/sessions/{other.session}")["findings"][0]["severity"] == "note"
