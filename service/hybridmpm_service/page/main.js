@@ -24,7 +24,7 @@ import { Hand } from "./sketch/hand.js";
 import { Seen } from "./sketch/seen.js";
 import { widthOfDepth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
-import { scaled } from "./stage/units.js";
+import { scaled, sidesOf } from "./stage/units.js";
 import { Recent } from "./stage/recent.js";
 import { Stage } from "./stage/stage.js";
 import { Tools } from "./tools.js";
@@ -62,6 +62,7 @@ const shown = {
   about: Promise.resolve(), // until what the gallery says of the scene is shown: a lesson reads all frames
 };
 
+let strip = null; // of sketches that are followed in turn
 const session = new SessionClient(
   { onState, onHello, onStatus, onProblem, onFrame, onHome: livePanel.showHome, lengthOf },
   query.get("simulate") !== "server",
@@ -71,7 +72,9 @@ const steering = new Steering({
     const plan = await session.steer(scaled(stroke, shown.length), settings, signal);
     return { ...plan, goal: scaled(plan.goal, 1 / shown.length) };
   },
-  settings: () => (shown.who === null ? sketchSettings() : { ...sketchSettings(), who: { particle: shown.who.particle } }),
+  goal: async () => scaled((await session.sketch())?.goal ?? null, 1 / shown.length),
+  collected: (sketch, stroke) => strip?.takes(sketch, stroke, drawnSettings()) ?? false,
+  settings: drawnSettings,
   release: () => session.release().catch(messages.toast),
   dim: () => shown.scene.dim,
   widths: controls.depthWidths,
@@ -133,10 +136,16 @@ const tools = new Tools(document.getElementById("overlay"), {
   changed: refreshSteering,
 });
 
+/** Settings of the next sketch. */
+function drawnSettings() {
+  return shown.who === null ? sketchSettings() : { ...sketchSettings(), who: { particle: shown.who.particle } };
+}
+
 /** Where an arrow that is drawn from a point begins, {point, width}; null where there is fluid, or nothing is known of its middle. */
 function tailOf(point) {
   const { centroid, scene } = shown;
-  if (centroid === null || shown.who !== null || stage.particleAt(point) !== null) return null;
+  // What waits for its turn begins where the goal before it is.
+  if (centroid === null || strip?.shows || shown.who !== null || stage.particleAt(point) !== null) return null;
   const { lower, upper } = scene.walls;
   const width = scene.dim === 3 ? widthOfDepth((centroid[2] - lower[2]) / (upper[2] - lower[2])) : controls.depthWidths()[0];
   return { point: centroid.slice(0, 2), width };
@@ -153,6 +162,7 @@ function tapped(point) {
 }
 
 function refreshSteering() {
+  strip?.note(steering.keyframe);
   const ghost = presenter.ghost !== null;
   const centroid = shown.who === null ? shown.centroid : null; // that of all is not that of the body
   controls.showTool(ghost ? "oval" : tools.name);
@@ -670,6 +680,19 @@ document.getElementById("share-file").addEventListener("change", async ({ target
 });
 bindToolPanel((wanted) => {
   forces.wanted = wanted;
+});
+document.getElementById("collect").addEventListener("change", async ({ target }) => {
+  const { Strip } = await import("./turn/strip.js");
+  strip ??= new Strip(document.getElementById("turn"), {
+    sides: () => sidesOf(shown.scene),
+    follow: (keyframes) => {
+      if (!shown.playing) session.send({ type: "play" });
+      steering.inTurn(keyframes, { strength: sketchSettings().strength });
+    },
+    left: () => steering.left,
+    full: (most) => messages.toast({ title: "The strip is full", detail: `${most} sketches may wait.`, hint: true }),
+  });
+  strip.show(target.checked);
 });
 for (const [id, preset] of PIPELINES) {
   document.getElementById(id).addEventListener("click", () => startPreset(preset));

@@ -109,7 +109,7 @@ class Steering:
         arrivals = {guidance.frames}
         if isinstance(guidance, Sequence):
             arrivals = {leg.arrival for leg in guidance.legs}
-            update |= {"keyframe": guidance.number_at(done), "kind": guidance.sketch.kind}
+            update |= {"keyframe": guidance.number, "kind": guidance.sketch.kind}
         self.control = self.control.model_copy(update=update)
         if done in arrivals:
             self.control = self._with_reached(self.control)

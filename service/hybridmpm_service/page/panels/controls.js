@@ -107,6 +107,7 @@ function bindKeys(actions) {
     a: () => actions.tool("arrow"),
     o: () => actions.tool("oval"),
     f: () => actions.tool("free"),
+    s: () => actions.tool("shape"),
     p: () => actions.tool("push"),
     v: () => actions.tool("orbit"),
     g: actions.forces,

@@ -14,18 +14,21 @@ const percent = (share) => `${(100 * share).toFixed(share > 0.995 ? 1 : 0)} %`;
  */
 function reachedText({ sketch, reached }, alone) {
   if (reached === null) return "";
-  const oval = sketch?.kind === "ellipse" && reached.inside !== null;
+  const oval = sketch?.kind !== "arrow" && reached.inside !== null;
   const text = oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
   // The centre of mass may be at the tip while a network has torn the body apart.
   return alone ? `${text}; a network moves it as well as it can` : text;
 }
+
+const NAMES = { arrow: "arrow", ellipse: "oval", shape: "shape" };
 
 const HINTS = {
   orbit: "Drag to look around. Choose Push, Arrow or Oval to steer.",
   push: "Drag through the fluid to push it",
   arrow: "Draw an arrow: the fluid follows it",
   oval: "Drag across an oval, or trace one, for the fluid to fill",
-  free: "Draw an arrow or an oval: the fluid follows",
+  shape: "Trace any outline for the fluid to fill",
+  free: "Draw an arrow, an oval or a shape: the fluid follows",
 };
 
 /** The hint for a tool; `who` is the material of the body that was tapped, null where everything moves. */
@@ -36,12 +39,12 @@ function hint(tool, who) {
 
 /** The line under the picture, for each phase of steering. */
 function steerText(steering, { live, playing, tool, ghost, who, alone }) {
-  const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
+  const kind = NAMES[steering.sketch?.kind] ?? "arrow";
   switch (steering.phase) {
     case "drawing":
-      return kind === "oval" ? "Oval: release to gather the fluid there" : "Arrow: release to move the fluid along it";
+      return kind === "arrow" ? "Arrow: release to move the fluid along it" : `${kind === "oval" ? "Oval" : "Shape"}: release to gather the fluid there`;
     case "staged":
-      return `Read as an ${kind}`;
+      return `Read as ${kind === "shape" ? "a" : "an"} ${kind}`;
     case "planning":
       return "Planning…";
     case "following":
@@ -65,7 +68,7 @@ export function showSteering(steering, context) {
   setText("steer-text", steerText(steering, context));
   setText("steer-count", steers ? `${framesDone} / ${plan.frames + plan.hold}` : "");
   byId("switch-kind").hidden = phase !== "staged";
-  setText("switch-kind", steering.sketch?.kind === "arrow" ? "Make it an oval" : "Make it an arrow");
+  setText("switch-kind", { arrow: "Make it an arrow", ellipse: "Make it an oval", shape: "Make it a shape" }[steering.otherKind]);
   byId("everyone").hidden = context.who === null || phase === "staged";
   byId("undo").hidden = ["idle", "drawing"].includes(phase);
   setText("undo", phase === "staged" ? "Undo" : phase === "done" ? "Clear" : "Let go");

@@ -5,7 +5,7 @@ import { depthOfWidth } from "./sketch.js";
 
 const FLUID = "rgb(88 185 255 / 0.55)";
 const PEN = "#ffd166";
-const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
+const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c", shape: "#62e08c" };
 const CELL = 2; // side of a dot of the fluid [px of the map]
 
 /**

@@ -106,6 +106,26 @@ export function classify(points) {
   return Math.abs(seen.turned.at(-1)) >= ROUND ? "ellipse" : "arrow";
 }
 
+const OVAL = 0.1; // largest mean distance of an oval's line from its ellipse, over the ellipse's size
+
+/** Whether an outline is an oval, which its ellipse stands for, and no other shape. */
+export function isOval(points) {
+  const ellipse = ellipseOf(points);
+  if (ellipse === null) return false;
+  const [cos, sin] = [Math.cos(ellipse.angle), Math.sin(ellipse.angle)];
+  const away = resample(points, EVEN).map(([x, y]) => {
+    const [dx, dy] = [x - ellipse.center[0], y - ellipse.center[1]];
+    return Math.abs(Math.hypot((dx * cos + dy * sin) / ellipse.axes[0], (dy * cos - dx * sin) / ellipse.axes[1]) - 1);
+  });
+  return away.reduce((sum, one) => sum + one, 0) / EVEN <= OVAL;
+}
+
+/** The kind of a freehand stroke: what goes round and is no oval is a shape. */
+export function kindOf(points) {
+  const kind = classify(points);
+  return kind === "ellipse" && !isOval(points) ? "shape" : kind;
+}
+
 /** The first time round of a stroke; what overshoots its start would count twice. */
 function firstRound(points) {
   const seen = points.length < 2 ? null : seenFromMiddle(points);
@@ -196,13 +216,14 @@ export const widthOfDepth = (depth) => WIDTH_RANGE[0] + Math.min(1, Math.max(0, 
 
 /** Stroke width at each point: from `start` to `end` for an arrow, `end` alone for an oval. */
 export function widthsAlong({ kind, points }, [start, end]) {
-  if (kind === "ellipse") return points.map(() => end);
+  if (kind !== "arrow") return points.map(() => end);
   return points.map((_, i) => start + ((end - start) * i) / Math.max(points.length - 1, 1));
 }
 
 /** A sketch as the service takes it. `widths` are [start, end] in 3D, null in 2D. */
 export function strokeOf(sketch, widths) {
   const points = sketch.points.length > MAX_POINTS ? resample(sketch.points, MAX_POINTS) : sketch.points;
+  if (sketch.kind === "shape") return { kind: "shape", outlines: [points], ...(widths === null ? {} : { width: widths[1] }) };
   const stroke = { kind: sketch.kind, points };
   if (widths !== null) stroke.widths = widthsAlong({ kind: sketch.kind, points }, widths);
   return stroke;

@@ -1,6 +1,6 @@
 // The life of a sketch: drawn, perhaps staged for a moment, planned by the server, followed, held, done.
 
-import { arrowAlong, classify, isDrawable, ovalFrom, startingAt, strokeOf } from "./sketch.js";
+import { arrowAlong, isDrawable, kindOf, ovalFrom, startingAt, strokeOf } from "./sketch.js";
 
 const STAGE_MS = 1100; // time in which the user may correct the guess for a freehand stroke
 
@@ -14,6 +14,9 @@ export class Steering {
   plan = null; // the service's answer
   framesDone = 0; // number of frames that the sketch has steered so far
   reached = null; // {inside, miss} once the frames of the sketch are over
+  keyframe = null; // number of the goal that is followed, of several in turn
+  #turn = []; // keyframes that are followed in turn
+  #guess = "arrow"; // kind that a free stroke was read as
   #tool = "arrow";
   #samples = []; // points of the stroke in progress: {point, time}
   #tail = null; // where an arrow begins that is not drawn from the fluid, {point, width}; null where it is
@@ -24,7 +27,7 @@ export class Steering {
   #call = new AbortController(); // takes back the call that asks for the plan
   #handlers;
 
-  /** @param handlers {plan(stroke, settings, signal) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
+  /** @param handlers {plan(stroke or keyframes, settings, signal) -> promise, goal() -> promise of the present one, collected(sketch, stroke) -> whether it waits for its turn, settings() -> those of the next sketch, release(), dim(), widths(),
    *   tail(point) -> where an arrow drawn from there begins, {point, width}, or null where it begins there, changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
@@ -63,8 +66,9 @@ export class Steering {
   #updateSketch() {
     const points = this.#samples.map((sample) => sample.point);
     if (this.#tool === "arrow") this.sketch = this.#arrow(arrowAlong(points));
+    else if (this.#tool === "shape") this.sketch = this.#free("shape");
     else if (this.#tool === "oval") this.sketch = { kind: "ellipse", points: ovalFrom(points), widths: this.#handlers.widths() };
-    else this.sketch = this.#free(classify(points));
+    else this.sketch = this.#free(kindOf(points));
   }
 
   #free(kind) {
@@ -88,6 +92,7 @@ export class Steering {
       this.clear();
       if (!this.#handlers.tapped(point)) this.#handlers.tooSmall();
     } else if (this.#tool === "free") {
+      this.#guess = this.sketch.kind;
       this.#stage();
     } else {
       this.#send();
@@ -107,10 +112,16 @@ export class Steering {
     this.#send(settings);
   }
 
-  /** Take a stroke that was guessed wrongly for the other kind. */
+  /** The next kind that a staged stroke may be: after the guess the others in turn. */
+  get otherKind() {
+    const order = [this.#guess, ...["ellipse", "arrow", "shape"].filter((kind) => kind !== this.#guess)];
+    return order[(order.indexOf(this.sketch?.kind) + 1) % order.length];
+  }
+
+  /** Take a stroke that was guessed wrongly for the next kind. */
   switchKind() {
     if (this.phase !== "staged") return;
-    const other = this.#free(this.sketch.kind === "arrow" ? "ellipse" : "arrow");
+    const other = this.#free(this.otherKind);
     if (!isDrawable(other)) {
       this.#handlers.tooSmall();
       return;
@@ -119,14 +130,30 @@ export class Steering {
     this.#stage();
   }
 
-  async #send(settings = this.#handlers.settings()) {
+  /** Send keyframes, {sketch, goal, frames, hold}, to be followed in turn. */
+  inTurn(keyframes, settings) {
+    this.clear();
+    this.sketch = keyframes[0].sketch;
+    this.#turn = keyframes;
+    this.#plan(
+      keyframes.map(({ goal, frames, hold, who }) => ({ ...(goal.kind === "shape" ? { sketch: goal } : { strokes: [goal] }), frames, hold, who })),
+      settings,
+    );
+  }
+
+  #send(settings = this.#handlers.settings()) {
+    const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
+    if (this.#handlers.collected(this.sketch, stroke)) this.clear();
+    else this.#plan(stroke, settings);
+  }
+
+  async #plan(drawing, settings) {
     this.#enter("planning");
     const serial = this.#attempt;
     this.#call.abort();
     this.#call = new AbortController();
     try {
-      const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
-      const plan = await this.#handlers.plan(stroke, settings, this.#call.signal);
+      const plan = await this.#handlers.plan(drawing, settings, this.#call.signal);
       if (serial !== this.#attempt) return;
       this.plan = plan;
       this.#enter("following");
@@ -136,6 +163,13 @@ export class Steering {
       this.clear();
       this.#handlers.refused(problem);
     }
+  }
+
+  /** Frames that the present keyframe has left; null where none is followed. */
+  get left() {
+    if (this.keyframe === null || this.plan === null) return null;
+    const { start, frames } = this.plan.keyframes[this.keyframe];
+    return Math.max(1, start + frames - this.framesDone);
   }
 
   /** Take the sketch back: if the server plans or follows it, it lets go. */
@@ -154,7 +188,21 @@ export class Steering {
     this.#enter("idle");
   }
 
+  /** Show the goal of a keyframe, as soon as the service leads to it. */
+  async #showTurn(number) {
+    if (number === this.keyframe) return;
+    this.keyframe = number;
+    this.sketch = this.#turn[number].sketch;
+    const { plan } = this;
+    const goal = await this.#handlers.goal().catch(() => null);
+    if (plan !== this.plan) return;
+    if (goal !== null) this.plan = { ...plan, goal };
+    this.#handlers.changed();
+  }
+
   #forget() {
+    this.#turn = [];
+    this.keyframe = null;
     this.plan = null;
     this.reached = null;
     this.framesDone = 0;
@@ -182,6 +230,7 @@ export class Steering {
     if (this.plan === null) return;
     if (control?.number === this.plan.number) {
       this.#seen = true;
+      if (this.#turn.length > 0 && control.keyframe !== null && control.keyframe !== undefined) this.#showTurn(control.keyframe);
       if (control.miss === null || this.reached !== null) return;
       // In 3D only the front view is drawn, and a learned plan chooses the depth.
       const inside = control.inside === null ? null : Math.max(control.inside, control.inside_drawn ?? 0);

@@ -4,7 +4,7 @@ import { inSpace } from "../sketch/prediction.js";
 import { arrowHead, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
 import { trace, traceWorld } from "./lines.js";
 
-const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
+const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c", shape: "#62e08c" };
 const HAND_COLOR = "#58b9ff";
 
 /** Points of a sketch on the stage [px]. */
@@ -24,7 +24,7 @@ export function drawSketch(context, view, scene, sketch, alpha) {
   context.lineCap = "round";
   context.shadowColor = "rgb(0 0 0 / 0.55)";
   context.shadowBlur = 6;
-  if (sketch.kind === "ellipse") drawOutline(context, view, scene, sketch, points);
+  if (sketch.kind !== "arrow") drawOutline(context, view, scene, sketch, points);
   else drawArrow(context, view, scene, sketch, points);
   context.restore();
 }
@@ -64,7 +64,8 @@ function traceSmooth(context, points) {
 
 function drawOutline(context, view, scene, sketch, points) {
   context.lineWidth = Math.min(lineWidths(view, scene, sketch)[0], 12);
-  traceSmooth(context, points);
+  if (sketch.kind === "shape") trace(context, points, true);
+  else traceSmooth(context, points);
   context.stroke();
   context.globalAlpha *= 0.12;
   context.fill();
@@ -98,7 +99,7 @@ function drawArrow(context, view, scene, sketch, points) {
 /** Draw a word beside the end of the stroke, for what the stroke is taken for. */
 export function drawGuess(context, view, scene, sketch) {
   const [px, py] = project(view, scene, sketch).at(-1);
-  const label = sketch.kind === "arrow" ? "arrow" : "oval";
+  const label = { arrow: "arrow", ellipse: "oval", shape: "shape" }[sketch.kind];
   context.save();
   context.font = "600 13px system-ui, sans-serif";
   const width = context.measureText(label).width + 18;
@@ -121,12 +122,12 @@ export function drawGuess(context, view, scene, sketch) {
  */
 export function drawGoal(context, view, goal) {
   context.save();
-  if (goal.region !== null) {
+  for (const line of goal.outlines ?? (goal.region === null ? [] : [goal.region])) {
     context.strokeStyle = COLORS.ellipse;
     context.fillStyle = COLORS.ellipse;
     context.lineWidth = 1.5;
     context.setLineDash([5, 5]);
-    traceWorld(context, view, goal.region, true);
+    traceWorld(context, view, line, true);
     context.stroke();
     context.globalAlpha = 0.1;
     context.fill();
