@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 
-from hybridmpm.control import METHODS, ControlNet, Method, Task
+from hybridmpm.control import METHODS, ControlNet, Learned, Method, Task
 from hybridmpm.control.goal.moments import fitted, moments
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
@@ -62,7 +62,7 @@ FILLED = "filled"
 _NAMED: dict[str, Method | None] = {**METHODS, "backcast": Backcast(), ORACLE: None, FILLED: None}
 NAMES = tuple(_NAMED)
 """Names of all methods but those of one's own, in the order of the tables."""
-_CONTROLNET = re.compile(r"controlnet-(\d{1,2})")
+_EVALUATIONS = re.compile(r"(controlnet|learned)-(\d{1,2})")
 
 Methods = dict[str, Method | None]
 """Methods by name; None for the oracle, which comes with each case, and for the filled sketch."""
@@ -71,7 +71,7 @@ Methods = dict[str, Method | None]
 def methods_of(names: tuple[str, ...]) -> Methods:
     """Return methods, the constant force first unless its place is given.
 
-    A name is one of `NAMES`, `controlnet-4` for `controlnet` with four evaluations of its network a frame, or
+    A name is one of `NAMES`, `controlnet-4` or `learned-4` for four evaluations of the network, or
     `MODULE:ATTRIBUTE`: an object with the surface of `hybridmpm.control.Method`, or a class or function
     that returns one without arguments. Raises a `ConfigError` where there is no such method.
     """
@@ -86,8 +86,9 @@ def takes_part(name: str, family: str) -> bool:
 def _method(name: str) -> tuple[str, Method | None]:
     if name in NAMES:
         return name, _NAMED[name]
-    if (steps := _CONTROLNET.fullmatch(name)) is not None:
-        return name, ControlNet(steps=int(steps[1]))
+    if (found := _EVALUATIONS.fullmatch(name)) is not None:
+        count = int(found[2])
+        return name, ControlNet(steps=count) if found[1] == "controlnet" else Learned(evaluations=count)
     module, _, attribute = name.partition(":")
     try:
         found = getattr(importlib.import_module(module), attribute)
