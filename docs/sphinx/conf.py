@@ -96,14 +96,18 @@ def _as_rest(_app: Any, _kind: str, _name: str, _object: Any, _options: Any, lin
     """Make what docstrings have of Markdown reStructuredText: code, bars of norms, tables."""
     text, in_table = [], False
     for line in lines:
+        plain = re.sub(r"(?<!`)`([^`]+)`(?![`_])", r"``\1``", line)
         is_row = line.lstrip().startswith("|")
         if is_row and not in_table:
-            text += ["::", ""]
+            text += [".. list-table::", "   :header-rows: 1", ""]
         elif in_table and not is_row:
             text.append("")
         in_table = is_row
-        plain = re.sub(r"(?<!`)`([^`]+)`(?![`_])", r"``\1``", line)
-        text.append("    " + line.strip() if is_row else re.sub(r"(?<!\\)\|", r"\|", plain))
+        cells = plain.strip().strip("|").split("|")
+        if not is_row:
+            text.append(re.sub(r"(?<!\\)\|", r"\|", plain))
+        elif not all(re.fullmatch(r"\s*:?-+:?\s*", cell) for cell in cells):
+            text += [f"   {' ' if index else '*'} - {cell.strip()}" for index, cell in enumerate(cells)]
     lines[:] = text
 
 
@@ -114,7 +118,8 @@ def _fields(_app: Any, kind: str, _name: str, obj: Any, _options: Any, lines: li
             if field.description is None:
                 # The kind, which the class gives.
                 continue
-            default = "required" if field.is_required() else f"default ``{field.default!r}``"
+            value = field.get_default(call_default_factory=True, validated_data={})
+            default = "required" if field.is_required() else f"default ``{value!r}``"
             limits = "; ".join(str(one) for one in field.metadata if isinstance(one, Range))
             about = f"{field.description} Range {limits}." if limits else field.description
             lines += ["", f"``{name}``, {default}", f"    {about}"]

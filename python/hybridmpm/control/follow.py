@@ -261,6 +261,7 @@ class Following(Iterator[ControlledFrame]):
             rms=float(np.sqrt(np.mean(square[: end - begin]))) / EARTH if end > begin else 0.0,
             peak=float(np.sqrt(max(largest, default=0.0))) / EARTH,
             near=NEAR * goal.room.unit,
+            fills=self.guidance.method != "learned",
         )
 
 

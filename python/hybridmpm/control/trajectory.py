@@ -31,14 +31,17 @@ class SketchResult:
     """Largest force on a particle [g]."""
     near: float
     """Largest `miss` at which the end counts as reached, 1 % of the longest side of the world [m]."""
+    fills: bool = True
+    """Whether the method fills the goal. Learned plans do not: they give the fluid the middle and the extent
+    that the sketch tells, in the shape that it may have had there."""
 
     @property
     def goal(self) -> bool:
         """Whether the drawn end was reached.
 
-        The centre of mass is `near`, and 95 % of the mass is in the goal where one is filled.
+        The centre of mass is `near`, and where the method fills the goal, 95 % of the mass is in it.
         """
-        return self.miss <= self.near and (self.inside is None or self.inside >= FULL)
+        return self.miss <= self.near and (not self.fills or self.inside is None or self.inside >= FULL)
 
     def __str__(self) -> str:
         parts = []

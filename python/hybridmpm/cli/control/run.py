@@ -45,13 +45,8 @@ class ControlRun:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the goal was reached.
-
-        A learned plan gives the fluid the middle and the extent of an oval, and does not fill it: there the
-        centre of mass decides.
-        """
-        reached = self.led.reached
-        return reached.goal or (self.guidance.method == "learned" and reached.miss <= reached.near)
+        """Whether the goal was reached."""
+        return self.led.reached.goal
 
     @property
     def spans(self) -> list[Span]:
