@@ -118,8 +118,9 @@ def _fields(_app: Any, kind: str, _name: str, obj: Any, _options: Any, lines: li
             if field.description is None:
                 # The kind, which the class gives.
                 continue
-            value = field.get_default(call_default_factory=True, validated_data={})
-            default = "required" if field.is_required() else f"default ``{value!r}``"
+            # A default that follows from other fields stands in the description.
+            given = "optional" if field.default_factory else f"default ``{field.default!r}``"
+            default = "required" if field.is_required() else given
             limits = "; ".join(str(one) for one in field.metadata if isinstance(one, Range))
             about = f"{field.description} Range {limits}." if limits else field.description
             lines += ["", f"``{name}``, {default}", f"    {about}"]
