@@ -24,6 +24,7 @@ from hybridmpm_lab.service.attacks import ATTACKS, attacked
 from hybridmpm_lab.service.door import costs
 from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
+from hybridmpm_lab.service.line import ages
 from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 from hybridmpm_lab.service.visit import visits
@@ -103,7 +104,7 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
         "restart": lambda: iter(restart(settings.kept, seconds)),
         "door": lambda: door(settings.calls),
         "sizes": lambda: sizes(seconds),
-        "visit": lambda: visit(repeats),
+        "visit": lambda: visit(repeats, seconds),
         "attacks": lambda: beside_attacks(seconds),
         "kills": lambda: iter(killed(settings.kills, settings.seed)),
     }
@@ -118,10 +119,12 @@ def door(calls: int) -> Iterator[Row]:
         yield _row(name, value, "ms", aim)
 
 
-def visit(repeats: int) -> Iterator[Row]:
-    """Measure what visits of the page cost on a fast and on a slow line."""
+def visit(repeats: int, seconds: float) -> Iterator[Row]:
+    """Measure what visits of the page cost on a fast and on a slow line, and how old its frames are there."""
     for name, value, unit, aim in visits(repeats):
         yield _row(name, value, unit, aim)
+    for name, value, unit in ages(seconds):
+        yield _row(name, value, unit, None, (1, 2))
 
 
 def beside_attacks(seconds: float) -> Iterator[Row]:

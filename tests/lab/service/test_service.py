@@ -76,6 +76,7 @@ def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
     assert 0 < sketch[0] <= sketch[1]
     assert figures["restart after kill -9, until all sessions answer", 2, 0] > 0
     assert figures["first motion, second visit at 1.6 Mbit/s, 150 ms", 1, 1] > 0.3
+    assert figures["age of frames at 1.6 Mbit/s, 150 ms, water_2d, p50", 1, 2] > 0.07
 
 
 def test_a_small_twin_of_the_attacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
