@@ -82,6 +82,7 @@ RESULTS = (
     Result(name="service", command="service", minutes=10, has_chart=False),
     Result(name="attacks", command="service --part attacks --seconds 8", minutes=8, has_chart=False),
     Result(name="door", command="service --part door --part sizes --calls 2000", minutes=3, has_chart=False),
+    Result(name="visit", command="service --part visit --repeats 5 --seconds 8", minutes=2, has_chart=False),
 )
 """All results of rows, in the order in which they are made."""
 _SAME_BITS = "of solver version 5, which gives the same bits where no elastic body touches another"
