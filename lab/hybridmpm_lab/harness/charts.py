@@ -87,6 +87,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def _shortened(svg: str) -> str:
-    """Return an SVG without indents and without digits behind a hundredth of a point, which nobody sees."""
+    """Return an SVG without indents, numbers of groups, and digits behind a hundredth of a point."""
     rounded = re.sub(r'"[^"]*"', lambda value: re.sub(r"(\.\d\d)\d+", r"\1", value[0]), svg)
-    return re.sub(r"\s*\n\s*", "\n", rounded)
+    bare = re.sub(r'(?<=<g) id="[^"]*_\d+"| transform="rotate\(-0 [^"]*"', "", rounded)
+    return re.sub(r"\s*\n\s*", "\n", bare)
