@@ -1,7 +1,8 @@
 """From bodies to particles: one particle in each cell of a fine lattice, jittered.
 
 Each body has a lattice of its own, which fits its bounds: a whole number of sites along each axis, about
-`Scene.spacing` apart. A site belongs to the first body that contains it, and sites inside an obstacle stay
+`Scene.spacing` apart. Elastic balls have rings or shells around their centre in its place, since a rough one
+does not roll. A site belongs to the first body that contains it, and sites inside an obstacle stay
 empty. The particles of a body share its volume, less what earlier bodies and obstacles take of it. So a body
 has the mass of its shape wherever it lies.
 """
@@ -15,9 +16,9 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.errors import SceneError
-from hybridmpm.scene.bodies import Body
+from hybridmpm.scene.bodies import Ball, Body
 from hybridmpm.scene.fields import Points
-from hybridmpm.scene.materials import Material
+from hybridmpm.scene.materials import Elastic, Material
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.walls import Walls
 
@@ -106,15 +107,19 @@ def sample(scene: Fillable) -> Particles:
     bounds = np.array([body.bounds for body in scene.bodies]).reshape(-1, 2, scene.dim)
     for index, body in enumerate(scene.bodies):
         lattice = _Lattice.of(scene, index, solids, bounds)
-        sites = _free_sites(scene, lattice, sum(map(len, positions)))
-        if len(sites) == 0:
+        needed = sum(map(len, positions))
+        if isinstance(body, Ball) and isinstance(body.material, Elastic):
+            x = _on_rings(scene, lattice, body, needed)
+        else:
+            x = _jittered(lattice, _free_sites(scene, lattice, needed), body.seed)
+        if len(x) == 0:
             text = (
                 "has room for no particle: it must hold a point of its lattice of spacing "
                 f"{scene.spacing:.3g} m outside obstacles and earlier bodies"
             )
             raise SceneError.of([(f"bodies[{index}]", text)])
-        positions.append(_jittered(lattice, sites, body.seed))
-        volumes.append(_free_volume(lattice, len(sites)) / len(sites))
+        positions.append(x)
+        volumes.append(_free_volume(lattice, len(x)) / len(x))
     return _particles(scene, positions, volumes)
 
 
@@ -228,10 +233,50 @@ def _free_sites(scene: Fillable, lattice: _Lattice, needed: int) -> npt.NDArray[
     for sites in lattice.blocks():
         found.append(sites[lattice.free(_rounded(lattice.centers(sites)))])
         needed += len(found[-1])
-        if needed > scene.max_particles:
-            text = f"need {needed} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
-            raise SceneError.of([("bodies", text)])
+        _check_count(scene, needed)
     return np.concatenate(found)
+
+
+def _on_rings(scene: Fillable, lattice: _Lattice, ball: Ball, needed: int) -> npt.NDArray[np.float32]:
+    """Return the free positions (n, D) [m] of a ball, on rings (2D) or shells (3D) that are turned at random.
+
+    The outermost one lies half a distance of rings below the surface.
+
+    Raises
+    ------
+    SceneError
+        Earlier bodies have `needed` particles, and all are more than `scene.max_particles`.
+    """
+    rng = np.random.default_rng(ball.seed)
+    rings = max(1, round(ball.radius / scene.spacing))
+    step, flat = ball.radius / rings, len(ball.center) == 2
+    found = []
+    for k in range(rings):
+        _core.raise_if_cancelled()
+        # As many as the area or the volume between two rings has sites.
+        part = np.pi * (2 * k + 1) if flat else 4 * np.pi * ((k + 0.5) ** 2 + 1 / 12)
+        count = max(1, round(part))
+        turn = 2 * np.pi * rng.random()
+        if flat:
+            angle = turn + 2 * np.pi / count * np.arange(count)
+            directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        else:
+            # A spiral by the golden angle.
+            angle = turn + np.pi * (3 - np.sqrt(5)) * np.arange(count)
+            up = 1 - (2 * np.arange(count) + 1) / count
+            across = np.sqrt(1 - up**2)
+            directions = np.stack([across * np.cos(angle), up, across * np.sin(angle)], axis=-1)
+        x = _rounded(np.array(ball.center) + (k + 0.5) * step * directions)
+        found.append(x[lattice.free(x)])
+        needed += len(found[-1])
+        _check_count(scene, needed)
+    return np.concatenate(found)
+
+
+def _check_count(scene: Fillable, needed: int) -> None:
+    if needed > scene.max_particles:
+        text = f"need {needed} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
+        raise SceneError.of([("bodies", text)])
 
 
 def _free_volume(lattice: _Lattice, count: int) -> float:

@@ -282,3 +282,23 @@ def test_a_thin_post_is_warned_of() -> None:
     body = Cylinder(material="sand", start=(0.5, 0.2, 0.5), end=(0.5, 0.4, 0.5), radius=0.1)
     scene = Scene(dim=3, bodies=(body,), obstacles=(post,))
     assert "0.005 m thick" in scene.thin_obstacles()[0]
+
+
+@pytest.mark.parametrize(("dim", "radius"), [(2, 0.06), (3, 0.04)])
+def test_elastic_balls_are_round(dim: int, radius: float) -> None:
+    ball = Ball(material="elastic", center=(0.5,) * dim, radius=radius)
+    scene = Scene(dim=dim, resolution=64, bodies=(ball, ball.model_copy(update={"center": (0.2,) * dim})))
+    particles = scene.sample()
+    x = particles.x[particles.body == 0].astype(float) - 0.5
+    rings = max(1, round(radius / scene.spacing))
+    away = np.linalg.norm(x, axis=1)
+    assert away.max() == pytest.approx((1 - 0.5 / rings) * radius, abs=1e-6)
+    # Whole rings: as many particles as the volume has sites, in balance, and none beside another.
+    assert len(x) == pytest.approx(ball.measure / scene.spacing**dim, rel=0.1)
+    assert np.abs(x.mean(axis=0)).max() < 0.01 * scene.spacing
+    apart = np.sort(np.linalg.norm(x[:, None] - x, axis=-1), axis=1)
+    assert apart[:, 1].min() > 0.7 * scene.spacing
+    turned = ball.model_copy(update={"seed": 1})
+    assert not np.array_equal(
+        particles.x[: len(x)], scene.model_copy(update={"bodies": (turned,)}).sample().x
+    )

@@ -9,7 +9,7 @@ use super::motion::Pose;
 use super::node::MaterialFriction;
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
-use super::wall_contact::touching;
+use super::wall_contact::{Touch, touching};
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
 use crate::linalg::Vector;
 
@@ -36,8 +36,8 @@ pub struct Line<const D: usize> {
     step: isize,
     /// Weights of the outer, middle and inner node at the surface.
     weights: [f32; 3],
-    /// Mass of the middle node over that of the inner one where material begins to touch: what flows, and what is elastic.
-    touching: [f32; 2],
+    /// Where it touches what flows, and what is elastic.
+    touching: [Touch; 2],
     pub obstacle: u32,
     normal: Vector<D>,
     /// Where the line crosses the surface [m].
@@ -51,6 +51,8 @@ pub struct Solids<'a, const D: usize> {
     /// Empty where all are at rest.
     pub poses: &'a [Option<Pose<D>>],
     pub layout: &'a Layout<D>,
+    /// Duration of the substep [s].
+    pub dt: f32,
 }
 
 impl<'a, const D: usize> Solids<'a, D> {
@@ -138,6 +140,7 @@ impl<'a, const D: usize> Solids<'a, D> {
                 face,
                 f64::from(normal[axis].abs()),
                 self.list[index].contact.kind,
+                f64::from(dx),
             ),
             obstacle: index as u32,
             normal,
@@ -187,7 +190,7 @@ impl<const D: usize> Line<D> {
     ) -> Option<(Vector<D>, f64)> {
         let mut mass = nodes.map(|node| node[3]);
         let touching = self.touching[usize::from(is_elastic)];
-        if mass[1] <= SMALLEST_MASS || mass[1] < touching * mass[2] {
+        if mass[1] <= SMALLEST_MASS || !touching.touches(mass[1], mass[2]) {
             return None;
         }
         let pose = solids.pose(self.obstacle as usize);
@@ -220,7 +223,10 @@ impl<const D: usize> Line<D> {
         }
         // Where a node is empty, the surface moves as it does.
         u += surface * missing;
-        let relative = u - surface;
+        let mut relative = u - surface;
+        if relative.dot(&self.normal) < -touching.resting_speed(solids.dt) {
+            relative += self.normal * touching.closing(mass[1], mass[2], solids.dt);
+        }
         let after = contact.resolve(&relative, &self.normal, friction(mass[1]));
         let change = (after - relative) / total;
         for k in 0..3 {

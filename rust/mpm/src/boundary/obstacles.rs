@@ -33,6 +33,8 @@ pub struct Obstacles<const D: usize> {
     solid: ByRow<SolidNode<D>>,
     /// Lines of nodes across the surfaces of obstacles at rest, by the axis along which they lie.
     lines: [Vec<Line<D>>; D],
+    /// Duration of the substep [s].
+    dt: f32,
     /// None where all obstacles are at rest.
     moving: Option<MovingObstacles<D>>,
     /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
@@ -51,6 +53,7 @@ impl<const D: usize> Obstacles<D> {
             layout: *layout,
             solid: ByRow::EMPTY,
             lines: std::array::from_fn(|_| Vec::new()),
+            dt: f32::INFINITY,
             moving: None,
             near: Vec::new(),
         };
@@ -79,6 +82,7 @@ impl<const D: usize> Obstacles<D> {
             list: &self.list,
             poses: &[],
             layout: &layout,
+            dt: self.dt,
         };
         let rows_per_plane = layout.rows_per_plane();
         self.near = vec![false; layout.row_count() * layout.row_length];
@@ -146,8 +150,9 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
-    /// Puts the moving obstacles where they are at a time [s], the end of a substep of length `dt` [s].
+    /// Takes the end of a substep of length `dt` [s], and puts the moving obstacles where they are then [s].
     pub fn move_to(&mut self, time: f64, dt: f32) {
+        self.dt = dt;
         if let Some(moving) = &mut self.moving {
             moving.move_to(&self.list, &self.layout, time, dt, &mut self.near);
         }
@@ -305,6 +310,7 @@ impl<const D: usize> Obstacles<D> {
             list: &self.list,
             poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
             layout: &self.layout,
+            dt: self.dt,
         }
     }
 

@@ -25,23 +25,75 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
 const REACH: f64 = 0.45;
-/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll. With none, a stiff block that
-/// lies on a surface loses touch with it, hops, and slides too far.
+/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll.
 const ELASTIC_REACH: f64 = 0.07;
+/// Distance up to which they may come nearer within a substep [cells]. If each line held what comes within reach, a round body
+/// would climb each line that it rolls onto. Faces are rough by as much, because particles are points.
+const ELASTIC_REST: f64 = -0.06;
+/// What comes nearer by less in a substep rests within reach [cells]: a body that rests does not sink, nor slip meanwhile.
+const RESTING_BELOW: f64 = 3.0e-5;
 /// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
 const HELD_REACH: f64 = 0.9;
 
-/// Mass of the middle node over that of the inner one where material begins to touch [-]: what flows, and what is elastic.
-/// The surface lies at `face` [cells] from the middle node towards the inner one, and its normal has this part along the line.
-pub(super) fn touching(face: f64, normal: f64, kind: ContactKind) -> [f32; 2] {
-    let reaches = match kind {
-        ContactKind::Separating => [REACH, ELASTIC_REACH],
-        ContactKind::Sticky | ContactKind::Slip => [HELD_REACH; 2],
-    };
-    reaches.map(|reach| {
+/// Where material touches a surface, from the mass of the middle node of a line over that of the inner one [-].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Touch {
+    /// Where it begins to touch.
+    from: f32,
+    /// Where it is at rest.
+    rest: f32,
+    /// Distance for each unit that it lacks of `rest` [m]; 0 where it is at rest at once.
+    distance: f32,
+    /// What comes nearer by less in a substep rests where it is [m].
+    resting_below: f32,
+}
+
+impl Touch {
+    /// Whether material with these masses of the middle and the inner node touches.
+    #[inline(always)]
+    pub fn touches(&self, middle: f32, inner: f32) -> bool {
+        middle >= self.from * inner
+    }
+
+    /// Speed at which material that touches may come nearer in a substep of `dt` [s], with the masses of the middle and the
+    /// inner node [m/s].
+    #[inline(always)]
+    pub fn closing(&self, middle: f32, inner: f32, dt: f32) -> f32 {
+        let inner = inner.max(SMALLEST_MASS);
+        (self.rest * inner - middle).max(0.0) * self.distance / (inner * dt)
+    }
+
+    /// Speed towards the surface up to which material rests where it is [m/s].
+    #[inline(always)]
+    pub fn resting_speed(&self, dt: f32) -> f32 {
+        self.resting_below / dt
+    }
+}
+
+/// Where it touches what flows, and what is elastic. The surface lies at `face` [cells] from the middle node towards the inner
+/// one, and its normal has this part along the line; `dx` is the size of a cell [m].
+pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, dx: f64) -> [Touch; 2] {
+    let ratio = |reach: f64| {
         let face = face + reach / normal;
         (cumulative(-face) / cumulative(1.0 - face)) as f32
-    })
+    };
+    let held_from = |reach: f64| Touch {
+        from: ratio(reach),
+        rest: 0.0,
+        distance: 0.0,
+        resting_below: 0.0,
+    };
+    if kind != ContactKind::Separating {
+        return [held_from(HELD_REACH); 2];
+    }
+    let (from, rest) = (ratio(ELASTIC_REACH), ratio(ELASTIC_REST));
+    let elastic = Touch {
+        from,
+        rest,
+        distance: ((ELASTIC_REACH - ELASTIC_REST) * dx) as f32 / (rest - from),
+        resting_below: (RESTING_BELOW * dx) as f32,
+    };
+    [held_from(REACH), elastic]
 }
 
 /// Which lines across walls to change.
@@ -51,6 +103,8 @@ pub struct Lines<'a> {
     pub own: Option<bool>,
     /// Those across the first axis, the others, or one after the other.
     pub across_first: &'a [bool],
+    /// Duration of the substep [s].
+    pub dt: f32,
 }
 
 /// One wall on the grid.
@@ -67,7 +121,7 @@ struct Side {
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
     /// See `touching`.
-    touching: [f32; 2],
+    touching: [Touch; 2],
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
     /// lines are parts of rows, else the first of each chunk of lines side by side. First those that something may reach that
     /// flows, and then those that only elastic bodies reach.
@@ -99,7 +153,7 @@ impl WallContact {
                 position: f64::from(position),
                 middle: base as usize + 1,
                 weights,
-                touching: touching(face, 1.0, contact.kind),
+                touching: touching(face, 1.0, contact.kind, 1.0 / layout.resolution as f64),
                 lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
             }
@@ -208,6 +262,7 @@ impl WallContact {
         lines: Lines<'_>,
         reactions: &mut Reactions<D>,
     ) {
+        let dt = lines.dt;
         for across_first in lines.across_first {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
@@ -221,7 +276,7 @@ impl WallContact {
                         Self::resolve(
                             window,
                             side,
-                            touching,
+                            (touching, dt),
                             lines,
                             friction,
                             wrench.as_deref_mut(),
@@ -242,7 +297,7 @@ impl WallContact {
     fn resolve<const D: usize>(
         window: &mut Window<'_, D>,
         side: &Side,
-        touching: f32,
+        (touching, dt): (Touch, f32),
         lines: &[usize],
         friction: &MaterialFriction,
         wrench: Option<&mut Wrench<D>>,
@@ -256,6 +311,7 @@ impl WallContact {
             window,
             side,
             touching,
+            dt,
             lines,
             kind: side.contact.kind,
             friction,
@@ -276,7 +332,9 @@ struct ResolveLines<'a, 'w, const D: usize> {
     window: &'a mut Window<'w, D>,
     side: &'a Side,
     /// See `touching`.
-    touching: f32,
+    touching: Touch,
+    /// Duration of the substep [s].
+    dt: f32,
     /// See `Side`.
     lines: &'a [usize],
     kind: ContactKind,
@@ -378,7 +436,9 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 mu[lane] = self.friction.at(self.window.friction_mass, node, mass);
             }
         }
-        let given = lines.apply(self.kind, self.side, &mu);
+        let closing = lines.closing_speeds(self.touching, self.dt);
+        let resting = self.touching.resting_speed(self.dt);
+        let given = lines.apply(self.kind, self.side, &mu, &closing, resting);
         self.sum_up::<SIDE_BY_SIDE, N>(starts, found, axes, &given);
         let nodes = &mut *self.window.nodes;
         for step in 0..3 {
@@ -517,19 +577,40 @@ struct LineNodes<const N: usize> {
 impl<const N: usize> LineNodes<N> {
     /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
     #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, touching: f32, count: usize) {
+    fn leave_out_what_does_not_touch(&mut self, touching: Touch, count: usize) {
         let [_, middle, inner] = self.mass;
         for i in 0..LANES {
-            let touches = middle[i] > SMALLEST_MASS && middle[i] >= touching * inner[i];
+            let touches = middle[i] > SMALLEST_MASS && touching.touches(middle[i], inner[i]);
             for mass in &mut self.mass {
                 mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
             }
         }
     }
 
-    /// Changes velocities so that the material at the wall obeys the contact. Returns the impulses, by components.
+    /// Speeds at which the material may come nearer [m/s].
     #[inline(always)]
-    fn apply(&mut self, kind: ContactKind, side: &Side, mu: &Lanes) -> [Lanes; N] {
+    fn closing_speeds(&self, touching: Touch, dt: f32) -> Lanes {
+        let mut speeds = [0.0; LANES];
+        if touching.distance > 0.0 {
+            let [_, middle, inner] = self.mass;
+            for i in 0..LANES {
+                speeds[i] = touching.closing(middle[i], inner[i], dt);
+            }
+        }
+        speeds
+    }
+
+    /// Changes velocities so that the material at the wall obeys the contact, but for speeds `closing` towards it where it is
+    /// faster than `resting` [m/s]. Returns the impulses, by components.
+    #[inline(always)]
+    fn apply(
+        &mut self,
+        kind: ContactKind,
+        side: &Side,
+        mu: &Lanes,
+        closing: &Lanes,
+        resting: f32,
+    ) -> [Lanes; N] {
         let mut given = [[0.0; LANES]; N];
         let separates = kind == ContactKind::Separating;
         let lost_always = if kind == ContactKind::Sticky {
@@ -568,6 +649,7 @@ impl<const N: usize> LineNodes<N> {
                 }
             }
             let approach = 0.0 - at_wall[0] * side.inward;
+            let approach = approach - if approach > resting { closing[i] } else { 0.0 };
             let none = separates & (approach <= 0.0) | (total <= 0.0);
             // Impulse per change of the velocity at the wall; each node takes its share.
             let impulse = if none { 0.0 } else { 1.0 } / if none { 1.0 } else { total };

@@ -365,6 +365,7 @@ impl<const D: usize> Solver<D> {
                 obstacles: &self.obstacles,
                 material_friction: self.material_friction,
                 meeting: &self.meeting,
+                dt: step.dt,
             },
             bounds: &self.bounds,
             transfer_loss: self.settings.transfer_loss.unwrap_or(0.0),

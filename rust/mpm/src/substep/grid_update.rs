@@ -16,9 +16,11 @@ pub struct GridForces<'a, const D: usize> {
     pub obstacles: &'a Obstacles<D>,
     pub material_friction: MaterialFriction,
     pub meeting: &'a Meeting,
+    /// Duration of the substep [s].
+    pub dt: f32,
 }
 
-/// Turns the momentum of a window of planes into the velocity at the end of a substep of `dt` [s], independently of other
+/// Turns the momentum of a window of planes into the velocity at the end of a substep, independently of other
 /// planes. Returns the work of moving obstacles there [J]. Lines across surfaces along the first axis are left to `across`
 /// where obstacles have some.
 pub fn grid_update<const D: usize>(
@@ -26,10 +28,9 @@ pub fn grid_update<const D: usize>(
     mut fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
-    dt: f32,
     reactions: &mut Reactions<D>,
 ) -> f64 {
-    let gain = lanes(&(forces.gravity * dt), 0.0);
+    let gain = lanes(&(forces.gravity * forces.dt), 0.0);
     run_wide(Accelerate { window, gain });
     let friction = &forces.material_friction;
     if let Some(fields) = &mut fields {
@@ -76,6 +77,7 @@ pub fn act_by_walls<const D: usize>(
     let lines = Lines {
         own: None,
         across_first,
+        dt: forces.dt,
     };
     forces.walls.apply(window, friction, lines, reactions);
     let Some(mut fields) = fields else { return };

@@ -173,8 +173,7 @@ impl<const D: usize> Substep<'_, D> {
                     let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
                     let kinds = grid.fields.map();
                     let reactions = &mut unlocked(&reactions[slab]);
-                    let (forces, dt) = (&self.forces, self.step.dt);
-                    let work = grid_update(window, fields, kinds, forces, dt, reactions);
+                    let work = grid_update(window, fields, kinds, &self.forces, reactions);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                 }
                 (Stage::Across, ..) => {
