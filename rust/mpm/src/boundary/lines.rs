@@ -53,6 +53,8 @@ pub struct Solids<'a, const D: usize> {
     pub layout: &'a Layout<D>,
     /// Duration of the substep [s].
     pub dt: f32,
+    /// Whether elastic bodies may touch them.
+    pub elastic: bool,
 }
 
 impl<'a, const D: usize> Solids<'a, D> {
@@ -141,6 +143,7 @@ impl<'a, const D: usize> Solids<'a, D> {
                 f64::from(normal[axis].abs()),
                 self.list[index].contact.kind,
                 f64::from(dx),
+                self.elastic,
             ),
             obstacle: index as u32,
             normal,

@@ -10,6 +10,8 @@ use threads::interrupted;
 
 /// How far solids may move before the nodes that they can touch are looked for anew.
 const MARGIN_CELLS: f32 = 2.0;
+/// More than rounding changes a distance by [cells].
+const ROUNDING_CELLS: f32 = 0.01;
 
 /// A grid node that a moving obstacle may act on before the next search.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +19,8 @@ pub struct ReachableNode {
     /// Position in its row.
     pub column: u32,
     pub obstacle: u32,
+    /// Distance from it when the nodes were looked for [m].
+    pub distance: f32,
 }
 
 /// The moving obstacles of a scene at one instant.
@@ -28,6 +32,8 @@ pub struct MovingObstacles<const D: usize> {
     pub speed: f32,
     /// Length of the present substep [s].
     pub dt: f32,
+    /// Bound on how far the solids have moved since the nodes were looked for [m].
+    pub moved: f32,
     pub nodes: ByRow<ReachableNode>,
     /// Nodes near to obstacles at rest, as `Obstacles::near`.
     near_solid: Vec<bool>,
@@ -41,6 +47,7 @@ impl<const D: usize> MovingObstacles<D> {
             poses: vec![None; obstacle_count],
             speed: 0.0,
             dt: 0.0,
+            moved: 0.0,
             nodes: ByRow::EMPTY,
             near_solid,
             searched: None,
@@ -75,6 +82,10 @@ impl<const D: usize> MovingObstacles<D> {
             self.search(list, layout, near);
             self.searched = (!interrupted()).then_some(time);
         }
+        let since = self
+            .searched
+            .map_or(0.0, |searched| (time - searched).abs());
+        self.moved = (since * fastest) as f32 + ROUNDING_CELLS * layout.dx();
     }
 
     /// Bound on how far a particle with this speed is pushed in a substep [m]. On the way into a solid the
@@ -94,12 +105,20 @@ impl<const D: usize> MovingObstacles<D> {
                     let nodes = &mut self.nodes.nodes;
                     let near = &mut near[row * layout.row_length..][..layout.columns()];
                     let solid = (obstacle, Some(pose));
-                    search_row(solid, layout, row, MARGIN_CELLS, near, |column, _, _| {
-                        nodes.push(ReachableNode {
-                            column: column as u32,
-                            obstacle: index as u32,
-                        });
-                    });
+                    search_row(
+                        solid,
+                        layout,
+                        row,
+                        MARGIN_CELLS,
+                        near,
+                        |column, distance, _| {
+                            nodes.push(ReachableNode {
+                                column: column as u32,
+                                obstacle: index as u32,
+                                distance,
+                            });
+                        },
+                    );
                 }
             }
             self.nodes.end_row();

@@ -34,6 +34,11 @@ pub(super) fn acts_at<const D: usize>(distance: f32, layout: &Layout<D>) -> bool
     distance <= -DEEP_CELLS * layout.dx() && distance > -BAND_CELLS * layout.dx()
 }
 
+/// The same of any node whose distance differs by at most `moved` [m].
+pub(super) fn may_act_at<const D: usize>(distance: f32, moved: f32, layout: &Layout<D>) -> bool {
+    distance - moved <= -DEEP_CELLS * layout.dx() && distance + moved > -BAND_CELLS * layout.dx()
+}
+
 /// How far from its stencil's lowest node a particle is tested: it has moved by up to a cell since.
 pub(super) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
     (1.5 * (D as f32).sqrt() + 1.0) * layout.dx()

@@ -4,7 +4,7 @@ use super::contact::Walls;
 use super::lines::{LINE_CELLS, Line, LineWindow, Solids};
 use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
-use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, stencil_reach};
+use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, may_act_at, stencil_reach};
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
 use super::wall_fill::cumulative;
@@ -83,6 +83,7 @@ impl<const D: usize> Obstacles<D> {
             poses: &[],
             layout: &layout,
             dt: self.dt,
+            elastic: true,
         };
         let rows_per_plane = layout.rows_per_plane();
         self.near = vec![false; layout.row_count() * layout.row_length];
@@ -208,7 +209,7 @@ impl<const D: usize> Obstacles<D> {
                 work += self.apply_to_deep(target, start, span, friction, reactions);
             }
         }
-        let moving = self.moving_lines(window, fields.as_ref(), window.planes.clone(), 1..D);
+        let moving = self.moving_lines(window, fields.as_ref(), kinds, window.planes.clone(), 1..D);
         let mut lines = LineWindow {
             window,
             fields,
@@ -234,7 +235,7 @@ impl<const D: usize> Obstacles<D> {
         planes: Range<usize>,
         reactions: &mut Reactions<D>,
     ) -> f64 {
-        let moving = self.moving_lines(window, fields.as_ref(), planes.clone(), 0..1);
+        let moving = self.moving_lines(window, fields.as_ref(), kinds, planes.clone(), 0..1);
         let mut lines = LineWindow {
             window,
             fields,
@@ -260,6 +261,7 @@ impl<const D: usize> Obstacles<D> {
         &self,
         window: &Window<'_, D>,
         fields: Option<&FieldWindow<'_, D>>,
+        kinds: FieldMap<'_>,
         planes: Range<usize>,
         axes: Range<usize>,
     ) -> [Vec<Line<D>>; D] {
@@ -267,12 +269,16 @@ impl<const D: usize> Obstacles<D> {
         let Some(moving) = &self.moving else {
             return found;
         };
-        let solids = self.solids();
+        let solids = self.solids(kinds.any_elastic());
         let shared = |chunk: usize| fields.is_some_and(|fields| fields.map().is_shared(chunk));
         for span in window.active_in(planes) {
             let mut place = self.layout.row_coordinates(span.row);
             for reachable in moving.nodes.row(span.row) {
                 let column = reachable.column as usize;
+                let (distance, moved) = (reachable.distance, moving.moved);
+                if distance + moved <= 0.0 || distance - moved > LINE_CELLS * self.layout.dx() {
+                    continue;
+                }
                 if !(span.lo..span.hi).contains(&column) {
                     continue;
                 }
@@ -301,16 +307,18 @@ impl<const D: usize> Obstacles<D> {
         target: &mut LineWindow<'_, '_, '_, D>,
         lines: impl Iterator<Item = &'l Line<D>>,
     ) -> f64 {
-        let solids = self.solids();
+        let solids = self.solids(true);
         lines.map(|line| target.act(line, &solids)).sum()
     }
 
-    fn solids(&self) -> Solids<'_, D> {
+    /// `elastic` where elastic bodies may touch them.
+    fn solids(&self, elastic: bool) -> Solids<'_, D> {
         Solids {
             list: &self.list,
             poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
             layout: &self.layout,
             dt: self.dt,
+            elastic,
         }
     }
 
@@ -347,6 +355,9 @@ impl<const D: usize> Obstacles<D> {
         };
         let mut place = self.layout.row_coordinates(span.row);
         for node in moving.nodes.row(span.row) {
+            if !may_act_at(node.distance, moving.moved, &self.layout) {
+                continue;
+            }
             let index = number(node.column);
             if within(node.column) && nodes[index].as_array()[3] > SMALLEST_MASS {
                 place[D - 1] = node.column as usize;

@@ -71,8 +71,15 @@ impl Touch {
 }
 
 /// Where it touches what flows, and what is elastic. The surface lies at `face` [cells] from the middle node towards the inner
-/// one, and its normal has this part along the line; `dx` is the size of a cell [m].
-pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, dx: f64) -> [Touch; 2] {
+/// one, and its normal has this part along the line; `dx` is the size of a cell [m]. Where no body is `elastic` the second is
+/// the first.
+pub(super) fn touching(
+    face: f64,
+    normal: f64,
+    kind: ContactKind,
+    dx: f64,
+    elastic: bool,
+) -> [Touch; 2] {
     let ratio = |reach: f64| {
         let face = face + reach / normal;
         (cumulative(-face) / cumulative(1.0 - face)) as f32
@@ -85,6 +92,9 @@ pub(super) fn touching(face: f64, normal: f64, kind: ContactKind, dx: f64) -> [T
     };
     if kind != ContactKind::Separating {
         return [held_from(HELD_REACH); 2];
+    }
+    if !elastic {
+        return [held_from(REACH); 2];
     }
     let (from, rest) = (ratio(ELASTIC_REACH), ratio(ELASTIC_REST));
     let elastic = Touch {
@@ -153,7 +163,13 @@ impl WallContact {
                 position: f64::from(position),
                 middle: base as usize + 1,
                 weights,
-                touching: touching(face, 1.0, contact.kind, 1.0 / layout.resolution as f64),
+                touching: touching(
+                    face,
+                    1.0,
+                    contact.kind,
+                    1.0 / layout.resolution as f64,
+                    true,
+                ),
                 lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
             }

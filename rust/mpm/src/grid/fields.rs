@@ -332,6 +332,11 @@ impl<'a> FieldMap<'a> {
         !self.flows || field > 0
     }
 
+    /// Whether there may be elastic bodies.
+    pub fn any_elastic(&self) -> bool {
+        !self.flows || !self.holders.is_empty()
+    }
+
     /// Whether nothing that flows reaches a chunk.
     pub fn only_elastic(&self, chunk: usize) -> bool {
         let elastic = |holder: &Holder| holder.alone().is_some_and(|field| field > 0);
