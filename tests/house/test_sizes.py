@@ -31,7 +31,8 @@ LIMITS = {
     # 215 lines compute runs of the service again from their logs, and film them.
     # 950 lines give places in shapes anew, and lead from keyframe to keyframe.
     # 65 lines sum forces only where they are read.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_015),
+    # 45 lines put elastic balls on rings, since rough ones do not roll.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_060),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 30 compute runs of the page again.
     "command line": (("python/hybridmpm/cli/**.py",), 2_795),

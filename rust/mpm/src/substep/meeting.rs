@@ -231,3 +231,45 @@ pub fn find_slopes<const D: usize>(
         first += of_chunk.len();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The part of the spline of a node that lies behind a plane face at this distance, whose normal has this angle.
+    fn fill(distance: f32, angle: f32) -> f32 {
+        const STEPS: usize = 120;
+        let spline = |x: f32| match x.abs() {
+            x if x < 0.5 => 0.75 - x * x,
+            x => 0.5 * (1.5 - x).powi(2),
+        };
+        let place = |i: usize| (i as f32 + 0.5) * 3.0 / STEPS as f32 - 1.5;
+        let (mut behind, mut all) = (0.0, 0.0);
+        for (x, y) in (0..STEPS * STEPS).map(|k| (place(k / STEPS), place(k % STEPS))) {
+            let weight = spline(x) * spline(y);
+            all += weight;
+            if x * angle.cos() + y * angle.sin() + distance < 0.0 {
+                behind += weight;
+            }
+        }
+        behind / all
+    }
+
+    #[test]
+    fn oblique_faces_keep_their_direction() {
+        for degrees in [0.0f32, 10.0, 22.0, 35.0, 45.0] {
+            let angle = degrees.to_radians();
+            for distance in [-0.6, -0.3, 0.0, 0.3, 0.6] {
+                let beside =
+                    |x: f32, y: f32| fill(distance + x * angle.cos() + y * angle.sin(), angle);
+                let slope = Vector::<2>::new(
+                    beside(-1.0, 0.0) - beside(1.0, 0.0),
+                    beside(0.0, -1.0) - beside(0.0, 1.0),
+                ) * 0.5;
+                let found = distance_slope(&slope, fill(distance, angle));
+                let error = found[1].atan2(found[0]).to_degrees() - degrees;
+                assert!(error.abs() < 2.5, "{degrees} {distance}: {error}");
+            }
+        }
+    }
+}
