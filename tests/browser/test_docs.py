@@ -1,12 +1,15 @@
 """The documentation site: no page is too wide, the front leads on, the search finds, nothing is fetched."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, expect
+from tests.browser.conftest import LiveService
+from tests.python.package.test_documents import SERVICE, blocks
 
 ROOT = Path(__file__).parents[2]
 FOUND = {
@@ -49,3 +52,17 @@ def test_the_site_is_built_without_a_warning_and_read_from_a_disk(browser: Brows
         expect(page.locator("#search-results li", has_text=title).first).to_be_attached()
     assert complaints == []
     assert [url for url in fetched if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.long
+def test_the_javascript_of_the_service_runs(browser: Browser) -> None:
+    with LiveService() as service:
+        for code in blocks(SERVICE, "javascript"):
+            page = browser.new_page(bypass_csp=True)
+            complaints: list[str] = []
+            page.on("pageerror", lambda error, found=complaints: found.append(error.message))  # type: ignore[misc]
+            page.goto(f"{service.url}/livez")
+            with page.expect_console_message(lambda line: re.fullmatch(r"\d+ .*", line.text) is not None):
+                page.add_script_tag(content=code.replace("127.0.0.1:8000", service.url[7:]), type="module")
+            assert complaints == []
+            page.close()

@@ -1,5 +1,6 @@
 """The Python and the commands of the documents run, page by page, from top to bottom."""
 
+import json
 import re
 import shlex
 import subprocess
@@ -90,6 +91,19 @@ def test_the_python_of_the_service_runs(tmp_path: Path) -> None:
     with LiveService() as service:
         code = "\n".join(blocks(SERVICE, "python")).replace("http://127.0.0.1:8000", service.url)
         run(sys.executable, "-c", code, folder=tmp_path)
+
+
+@pytest.mark.long
+def test_the_calls_of_the_service_are_answered() -> None:
+    calls = next(code for code in blocks(SERVICE, "sh") if code.startswith("curl")).splitlines()
+    with LiveService() as service:
+        number = ""
+        for call in calls:
+            here = call.replace("http://127.0.0.1:8000", service.url).replace("/ID", f"/{number}")
+            words = [*shlex.split(here, comments=True), "--silent", "--fail-with-body"]
+            done = subprocess.run(words, check=False, capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout
+            number = number or json.loads(done.stdout)["id"]
 
 
 SMALL = {"scenes": 4, "trajectories": 2, "steps": 3, "valid": 2, "until": 2}
