@@ -6,11 +6,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from hybridmpm_service.keys.file import add
 
-from .conftest import LIVE, LiveService, Open
+from .conftest import LIVE, PATIENCE_MS, LiveService, Open
 
 pytestmark = pytest.mark.browser
 
@@ -79,3 +79,43 @@ def test_a_link_shows_a_session_without_a_key_and_ends(open_page: Open, service:
     assert (described["frame"], described["playing"]) == (4, False)
     assert page.evaluate("sessionStorage.length") == 0
     visit.errors.clear()  # the browser itself reports the calls that were refused
+
+
+@pytest.mark.long
+def test_an_element_gives_its_key_to_the_page_in_it(browser: Browser, service: Keyed) -> None:
+    page = browser.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(f"{service.url}/client.d.ts")
+    script = """async (key) => {
+      await import("/element.js");
+      const view = document.createElement("hybridmpm-view");
+      Object.assign(view, { key });
+      view.setAttribute("scenario", "water_2d");
+      view.setAttribute("controls", "off");
+      document.body.replaceChildren(view);
+    }"""
+    state = "document.querySelector('hybridmpm-view').state"
+    page.evaluate(script, service.token)
+    page.wait_for_function(f"() => {state} === 'live'")
+    frame = page.frames[1]
+    assert service.token not in frame.url
+    expect(frame.get_by_role("dialog", name="This server needs a key")).to_be_hidden()
+    # A wrong one is not tried for ever: the page in the element asks.
+    frame.evaluate("sessionStorage.clear()")
+    page.evaluate(script, "hmpm_anna_wrong")
+    expect(page.frames[1].get_by_role("dialog", name="This server needs a key")).to_be_visible()
+    # A link needs no key.
+    made = service.http.post("/v1/sessions", json={"scenario": "water_2d"}).json()
+    link = service.http.post(f"{made['links']['self']}/links", json={}).json()["token"]
+    show = """([watch, link]) => {
+      const view = document.querySelector("hybridmpm-view");
+      view.key = null;
+      view.removeAttribute("scenario");
+      view.setAttribute("watch", watch);
+      view.setAttribute("link", link);
+    }"""
+    page.evaluate(show, [made["id"], link])
+    page.wait_for_function(
+        "(id) => document.querySelector('hybridmpm-view').status?.id === id", arg=made["id"]
+    )
+    page.close()
