@@ -45,7 +45,7 @@ function itemOf(name, { title, about }, chosen) {
   button.type = "button";
   button.title = about;
   const picture = document.createElement("img");
-  picture.src = `gallery/${name}.png`;
+  picture.src = new URL(`./${name}.png`, import.meta.url); // an address that browsers keep
   picture.alt = "";
   const caption = document.createElement("span");
   caption.textContent = title;
