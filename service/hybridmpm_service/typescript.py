@@ -19,9 +19,9 @@ _HEAD = """// What calls of the service take and return, by its OpenAPI document
 _PLAIN = {"integer": "number", "number": "number", "string": "string", "boolean": "boolean", "null": "null"}
 
 
-def types() -> str:
+def types(document: Mapping[str, Any]) -> str:
     """Return an interface for each schema of the OpenAPI document, and for what the stream sends besides."""
-    schemas: dict[str, Any] = dict(create_app(Settings()).openapi()["components"]["schemas"])
+    schemas = dict(document["components"]["schemas"])
     for model in (HistoryBody, Forces):
         schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas |= schema.pop("$defs", {}) | {model.__name__: schema}
@@ -60,5 +60,5 @@ def _type(schema: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    FILE.write_text(types(), encoding="utf-8")
+    FILE.write_text(types(create_app(Settings()).openapi()), encoding="utf-8")
     sys.stdout.write(f"wrote {FILE}\n")
