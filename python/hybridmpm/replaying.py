@@ -7,6 +7,7 @@ import json
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,17 @@ def replay(log: str | Path | Mapping[str, Any], frame: int | None = None, *, thr
     return run.simulator
 
 
+@dataclass
+class Leading:
+    """Sketches of a run that were followed."""
+
+    first: int
+    """Frame from whose state on they led."""
+    last: int
+    """Frame with whose state they had ended."""
+    sketches: list[Sketch]
+
+
 class Run:
     """A simulator with the inputs of a log, which act in their frames.
 
@@ -85,6 +97,8 @@ class Run:
         self._guidance: Led | None = None
         self._done = self._place = 0
         self._hand: Push | None = None
+        self.led: list[Leading] = []
+        """What led up to the present frame, in its order."""
 
     def advance(self, last: int) -> None:
         """Advance to a frame; what acts from it on is left out."""
@@ -133,6 +147,12 @@ class Run:
         else:
             self._guidance = self._plans[place] if one["kind"] == "sketch" else None
             self._done = 0
+            if self.led:
+                self.led[-1].last = min(self.led[-1].last, one["frame"])
+            if self._guidance is not None:
+                goals = _goals(one)
+                sketches = [goal.goal for goal in goals] if isinstance(goals, list) else [goals]
+                self.led.append(Leading(one["frame"], one["frame"] + self._guidance.total_frames, sketches))
 
     def _force(self) -> Any:
         """Return the force of sketch and hand in the next frame."""

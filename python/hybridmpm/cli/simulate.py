@@ -1,7 +1,6 @@
 """`hybridmpm simulate`: run a scene and write recordings, pictures, films and snapshots."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -24,12 +23,14 @@ from hybridmpm.cli.options import (
     width_option,
 )
 from hybridmpm.cli.progress import CountedProgress, progress
+from hybridmpm.cli.run_film import RunFilm
 from hybridmpm.coarse import coarse_table
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
 from hybridmpm.planner import AutoSolver
 from hybridmpm.playing import play
 from hybridmpm.recording import Recording, record
+from hybridmpm.render import View
 from hybridmpm.replaying import Run
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
@@ -185,7 +186,6 @@ def simulate(
         _write_page(solver, page, scenario or (scene_file or page).stem, text_file)
     if targets or save_file is not None or not pages:
         name = scenario or "fluid"
-        advance = None if run is None else run.advance
         _run(
             solver,
             frames,
@@ -194,7 +194,7 @@ def simulate(
             save_file=save_file,
             style=style,
             name=name,
-            advance=advance,
+            run=run,
         )
 
 
@@ -207,7 +207,7 @@ def _run(
     save_file: Path | None,
     style: export.Style,
     name: str,
-    advance: Callable[[int], object] | None,
+    run: Run | None,
 ) -> None:
     """Simulate frames, by default those that the scene suggests, and write the files."""
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
@@ -216,6 +216,7 @@ def _run(
     if frames and not targets and save_file is None:
         click.echo(_what_is_discarded(frames, name), err=True)
 
+    advance = None if run is None else run.advance
     began = time.perf_counter()
     with signals.raising_at_end():
         try:
@@ -230,7 +231,7 @@ def _run(
     seconds = time.perf_counter() - began
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
-        _write(target, recording, style)
+        _write(target, recording, style, None if run is None else RunFilm(run, recording, style.width))
 
 
 def _pages_and_others(
@@ -326,8 +327,8 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
     return f"{line}; {mass:.4g} kg, fastest {fastest:.3g} m/s"
 
 
-def _write(target: Path, recording: Recording, style: export.Style) -> None:
+def _write(target: Path, recording: Recording, style: export.Style, view: View | None) -> None:
     with progress(f"Writing {target.name}", CountedProgress.STEPS) as bar:
-        files = export.save(target, recording, style, on_progress=CountedProgress(bar))
+        files = export.save(target, recording, style, view=view, on_progress=CountedProgress(bar))
         bar.finish()
     click.echo(f"wrote {files[0]}" + (f" to {files[-1].name}" if len(files) > 1 else ""))

@@ -9,6 +9,10 @@ from hybridmpm.render.flat import MARGIN
 from hybridmpm.scene import Scene, Walls
 
 Picture = npt.NDArray[np.uint8]
+_GHOST = 0.85
+"""Opacity of a sketch."""
+_INSET = 0.22
+"""Width of the front view within a picture of a 3D scene."""
 
 
 def with_ink(picture: Picture, raster: Picture, scene: Scene, strength: float = 1.0) -> Picture:
@@ -42,6 +46,16 @@ def with_ink(picture: Picture, raster: Picture, scene: Scene, strength: float = 
     colour = 255 - lack.reshape(-1, 3).max(axis=0)
     mixed: npt.NDArray[np.float64] = picture + cover * (colour - picture)
     return np.clip(mixed, 0, 255).astype(np.uint8)
+
+
+def with_sketch(picture: Picture, raster: Picture, scene: Scene) -> Picture:
+    """Lay a sketch, as `control.render` draws it, on a picture; in 3D on a small front view in its corner."""
+    if scene.dim == 2:
+        return with_ink(picture, raster, scene, _GHOST)
+    inset = empty_front(scene.walls, round(_INSET * picture.shape[1]))
+    picture = picture.copy()
+    picture[: inset.shape[0], -inset.shape[1] :] = with_ink(inset, raster, scene)
+    return picture
 
 
 def empty_front(walls: Walls, width: int) -> Picture:

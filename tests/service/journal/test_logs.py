@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 from tests.service.conftest import SMALL_SCENE
 
 from hybridmpm import DataError, MpmSolver, ReplayWarning, replay
@@ -87,6 +88,15 @@ def test_the_library_computes_it_again(
     done = CliRunner().invoke(cli, ["simulate", "--run", str(file), "--save", str(end)])
     assert done.exit_code == 0, done.output
     assert MpmSolver.load(end).digest() == pushed["digest"]
+    picture = tmp_path / "end.png"
+    shown = []
+    for frames in ("27", "28"):  # the arrow leads 25 frames from frame 3 on
+        arguments = ["simulate", "--run", str(file), "--frames", frames, "--out", str(picture)]
+        assert CliRunner().invoke(cli, arguments).exit_code == 0
+        red, green, _ = np.moveaxis(np.asarray(Image.open(picture).convert("RGB"), dtype=int), -1, 0)
+        shown.append(int(np.count_nonzero(red > green + 80)))
+    assert shown[0] > 50
+    assert shown[1] == 0
     for more, message in [(["--frames", "40"], "at most 39"), (["--seed", "1"], "drop '--seed'")]:
         refused = CliRunner().invoke(cli, ["simulate", "--run", str(file), *more])
         assert refused.exit_code == 2

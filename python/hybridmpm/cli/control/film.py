@@ -6,18 +6,14 @@ from PIL import Image, ImageDraw, ImageFont
 
 from hybridmpm.cli.control.run import ControlRun
 from hybridmpm.control.sketch.render import render
-from hybridmpm.export.ink import Picture, empty_front, with_ink
+from hybridmpm.export.ink import Picture, with_sketch
 from hybridmpm.render import view_of
 
 _COLOURS = {"mpm": (255, 209, 102), "neural": (88, 185, 255)}
 """Colours of MPM and network, as on the page."""
 _TEXT, _SHADE = (232, 238, 246), (10, 15, 22)
-_GHOST = 0.85
-"""Opacity of the sketch."""
 _LINES = 24
 """Lines of text that a picture is high."""
-_INSET = 0.22
-"""Width of the front view within a picture of a 3D scene."""
 
 
 class ControlFilm:
@@ -40,7 +36,6 @@ class ControlFilm:
         self._raster = render(run.guidance.sketch, recording.scene.size)
         self._by = run.simulated_by
         self._frame_dt = recording.scene.frame_dt
-        self._is_flat = recording.scene.dim == 2
 
     def draw(
         self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
@@ -49,16 +44,8 @@ class ControlFilm:
         picture = self._view.draw(x, v, time)
         frame = round(time / self._frame_dt)
         if self._run.first <= frame <= self._run.last:
-            picture = self._with_sketch(picture)
+            picture = with_sketch(picture, self._raster, self._scene)
         return self._with_caption(picture, frame)
-
-    def _with_sketch(self, picture: Picture) -> Picture:
-        if self._is_flat:
-            return with_ink(picture, self._raster, self._scene, _GHOST)
-        inset = empty_front(self._scene.walls, round(_INSET * picture.shape[1]))
-        picture = picture.copy()
-        picture[: inset.shape[0], -inset.shape[1] :] = with_ink(inset, self._raster, self._scene)
-        return picture
 
     def _with_caption(self, picture: Picture, frame: int) -> Picture:
         line = picture.shape[0] / _LINES
