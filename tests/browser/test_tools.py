@@ -142,7 +142,7 @@ def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
         visit.page.set_viewport_size(size)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]
         boxes = [_box(button) for button in visit.page.locator(".toolbar button:visible").all()]
-        assert len(boxes) == (7 if scenario == "water_2d" else 8)
+        assert len(boxes) == (8 if scenario == "water_2d" else 9)
         toolbar = _box(visit.page.locator(".toolbar"))
         for box in boxes:
             if (scenario, size["width"]) == ("water_2d", 390):

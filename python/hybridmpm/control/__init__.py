@@ -1,10 +1,10 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
 `parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. A `Shape` is any closed
-outline, which `shape_of_text` and `shape_of_picture` trace. `prepare` returns the effort of following one,
-and `prepare_keyframes` that of several in turn; `follow` lets a simulator follow them, frame by frame. `push`
-is a local force. `reversed_case` makes an example of control whose true end is known, and `Oracle` follows it
-by the forces that lead there.
+outline, which `shape_of_text`, `shape_of_picture` and `shape_of_path` make. `prepare` returns the effort of
+following one, and `prepare_keyframes` that of several in turn. `follow` lets a simulator follow them, frame
+by frame. `push` is a local force. `reversed_case` makes an example of control whose true end is known, and
+`Oracle` follows it by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
@@ -43,6 +43,7 @@ from hybridmpm.control.sketch.sketch import (
     check_in_world,
 )
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
+from hybridmpm.control.sketch.svg import shape_of_path
 from hybridmpm.control.sketch.tracing import shape_of_picture, shape_of_text
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 
@@ -100,6 +101,7 @@ __all__ = [
     "resume",
     "reversed_case",
     "reversed_from_seed",
+    "shape_of_path",
     "shape_of_picture",
     "shape_of_text",
 ]

@@ -132,3 +132,46 @@ def test_a_scene_that_does_not_exist_is_named(folder: Path) -> None:
     assert run.exit_code == 2
     assert "water_2d" in run.output
     assert "lava is neither a file nor a scenario" in run.output
+
+
+def test_shapes_and_goals_in_turn_are_read_from_files(folder: Path) -> None:
+    place = {"center": [0.55, 0.5], "height": 0.18}
+    Image.fromarray(np.kron(np.array([[255] * 4, [255, 0, 0, 255], [255] * 4]), np.ones((20, 20)))).convert(
+        "L"
+    ).save(folder / "logo.png")
+    goals = {
+        "text": {"text": "I", **place},
+        "path": {"path": "M0 0h2v2h-2z", **place},
+        "picture": {"picture": "logo.png", **place},
+        "keyframes": {
+            "keyframes": [
+                {"path": "M0 0h2v2h-2z", "frames": 120, **place},
+                {"strokes": [{"points": [[0.5, 0.5], [0.4, 0.4]], "kind": "arrow"}], "frames": 50, "who": 0},
+            ]
+        },
+    }
+    for name, content in goals.items():
+        (folder / "goal.json").write_text(json.dumps(content))
+        run = _run(folder, "--sketch", str(folder / "goal.json"), "--out", str(folder / "led.npz"))
+        assert run.exit_code == 0, (name, run.output)
+        assert run.output.count("needs ") == run.output.count("reached ") == (2 if name == "keyframes" else 1)
+    with np.load(folder / "led.npz") as data:
+        assert len(data["force"]) == 170
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"text": "I"}, "center is missing beside text, in metres"),
+        ({"text": "I", "path": "M0 0"}, "must be an object with one of strokes, sketch, text, picture"),
+        ({"path": "M0 0L1", "center": [0.5, 0.5], "height": 0.1}, "path: L needs 2 numbers at a time"),
+        ({"sketch": {"kind": "star"}}, "sketch: it must have a kind"),
+        ({"strokes": [], "height": 1}, "height: there is no such field beside strokes"),
+        ({"keyframes": [{"frames": 5}]}, "must be an object with one of"),
+    ],
+)
+def test_what_is_no_goal_in_a_file_is_refused(folder: Path, content: object, message: str) -> None:
+    (folder / "goal.json").write_text(json.dumps(content))
+    run = _run(folder, "--sketch", str(folder / "goal.json"))
+    assert run.exit_code != 0
+    assert message in " ".join(run.output.split())

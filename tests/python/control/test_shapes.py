@@ -15,6 +15,7 @@ from hybridmpm.control import (
     follow,
     prepare,
     render_png,
+    shape_of_path,
     shape_of_picture,
     shape_of_text,
 )
@@ -222,3 +223,33 @@ def test_a_shape_is_drawn_in_pictures_and_chooses_particles() -> None:
     chosen = prepare(solver, arrow, who=Shape((0.075 * SQUARE + [0.275, 0.2],))).goal.cloud
     assert chosen.x[:, 1].max() <= 0.275
     assert len(chosen.x) == pytest.approx(solver.particle_count / 2, rel=0.02)
+
+
+def test_a_path_of_svg_is_a_shape() -> None:
+    # A square with a hole, once relative and once absolute; y points down in SVG.
+    for path in ("M0,0 h4 v4 h-4 z m1 1 h1 v1 h-1 z", "M 0 0 L 4 0 4 4 H 0 Z M1 1 2 1 V2 L1 2Z"):
+        shape = shape_of_path(path, (0.5, 0.4), 0.4)
+        assert shape.area == pytest.approx(0.4**2 * 15 / 16, rel=1e-3)
+        assert shape.covers(np.array([[0.45, 0.45], [0.45, 0.35]])).tolist() == [False, True]
+    # A disc of four curves; those that continue others smoothly say less.
+    k = 0.5522847
+    disc = f"M1 0C1 {k} {k} 1 0 1S-1 {k} -1 0S{-k} -1 0 -1S1 {-k} 1 0z"
+    assert shape_of_path(disc, (0.5, 0.5), 0.2).area == pytest.approx(np.pi * 0.1**2, rel=5e-3)
+    parabola = shape_of_path("M0 0Q1 2 2 0T4 0", (0.5, 0.5), 0.2)
+    assert parabola.bounds[1][0] - parabola.bounds[0][0] == pytest.approx(0.4, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("M0 0 A 1 1 0 0 0 1 1", "arcs (A) are not read"),
+        ("L0 0 1 1", "it must begin with M"),
+        ("M0 0 L1 0 x", "'x' is no part of a path"),
+        ("M0 0 L1 0", "it encloses nothing"),
+        ("3 4", "the number 3 follows no command"),
+        ("M0 0 L1 0 2", "L needs 2 numbers at a time"),
+    ],
+)
+def test_what_is_no_path_is_refused(path: str, message: str) -> None:
+    with pytest.raises(SketchError, match=re.escape(message)):
+        shape_of_path(path, (0.5, 0.5), 0.2)

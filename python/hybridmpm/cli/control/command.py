@@ -10,6 +10,7 @@ from hybridmpm import export, scenarios, simulators
 from hybridmpm._support.files import replacing
 from hybridmpm.cli.control.film import ControlFilm
 from hybridmpm.cli.control.run import ControlRun, run_control
+from hybridmpm.cli.control.sketch_file import sketch_of
 from hybridmpm.cli.options import (
     check_targets,
     model_option,
@@ -22,13 +23,12 @@ from hybridmpm.cli.options import (
     width_option,
 )
 from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.control import METHODS, Sketch, Who, parse_png, parse_strokes
+from hybridmpm.control import METHODS, Who
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP
-from hybridmpm.errors import ConfigError, SketchError
+from hybridmpm.errors import SketchError
 from hybridmpm.physics.load import ZERO, model_for
 from hybridmpm.scene import Scene
-from hybridmpm.scene.plain_data import from_json
 from hybridmpm.simulator import Kind, Simulator
 
 
@@ -124,7 +124,10 @@ def control(
     """Let SCENE, a scenario or a scene file, follow a sketch.
 
     The sketch is a PNG of a red arrow or a green outline on white, or a JSON file such as {"strokes":
-    [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres.
+    [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres. The fluid writes {"text":
+    "WATER", "center": [0.5, 0.5], "height": 0.2}, and fills the dark parts of {"picture": "logo.png", ...} or
+    an SVG path {"path": "M0 0 L9 0 ...", ...}. {"keyframes": [{..., "frames": 120, "hold": 40}, ...]} are
+    followed in turn.
 
     Prints the acceleration that the sketch needs and the goal that was reached; with --solver hybrid also the
     simulator of each frame, and why. The exit status is 1 if the goal is not reached; of a learned plan,
@@ -137,7 +140,7 @@ def control(
     style = export.Style(width=width, speed=speed)
     check_targets(targets)
     drawn_in = scene_of(scene, seed)
-    sketch = _sketch(sketch_file, drawn_in.size)
+    sketch = sketch_of(sketch_file, drawn_in.size)
     if settings["who"] is not None:
         settings["who"] = _who(settings["who"], drawn_in.size)
     simulator = _simulator(drawn_in, scene if scene in scenarios.NAMES else None, kind, model, threads)
@@ -160,37 +163,15 @@ def _simulator(scene: Scene, scenario: str | None, kind: Kind, model: str | None
     return simulators.make(kind, scene, model=model, threads=threads)
 
 
-def _sketch(file: Path, size: tuple[float, ...]) -> Sketch:
-    """Return the sketch in a file, of a world of this size [m].
-
-    Raises
-    ------
-    SketchError
-        The file holds none; the message names it.
-    """
-    data = file.read_bytes()
-    try:
-        if file.suffix.lower() != ".json":
-            sketch = parse_png(data, size)
-            if sketch.note is not None:
-                click.echo(f"{file}: {sketch.note}", err=True)
-            return sketch
-        try:
-            content = from_json(data)
-        except ValueError as error:
-            raise SketchError(f"is not JSON: {error}") from None
-        if not isinstance(content, dict) or set(content) != {"strokes"}:
-            raise SketchError('must be an object {"strokes": [one stroke]}')
-        return parse_strokes(content["strokes"], size)
-    except ConfigError as error:
-        raise SketchError(f"{file}: {error}") from error
-
-
 def _who(text: str, size: tuple[float, ...]) -> Who:
     """Return who is led, from a number, the name of a material or a file with a sketch."""
     if text.isdecimal():
         return int(text)
-    return _sketch(Path(text), size) if Path(text).suffix and Path(text).is_file() else text
+    if not (Path(text).suffix and Path(text).is_file()):
+        return text
+    if isinstance(sketch := sketch_of(Path(text), size), list):
+        raise SketchError(f"{text}: one sketch chooses who is led, not several in turn")
+    return sketch
 
 
 def _write(target: Path, run: ControlRun, style: export.Style) -> None:

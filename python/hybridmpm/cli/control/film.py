@@ -33,7 +33,7 @@ class ControlFilm:
         recording = run.recording
         self._run, self._scene = run, recording.scene
         self._view = view_of(recording.scene, recording.types, width, recording.spacing)
-        self._raster = render(run.guidance.sketch, recording.scene.size)
+        self._rasters: dict[int, Picture] = {}
         self._by = run.simulated_by
         self._frame_dt = recording.scene.frame_dt
 
@@ -44,8 +44,14 @@ class ControlFilm:
         picture = self._view.draw(x, v, time)
         frame = round(time / self._frame_dt)
         if self._run.first <= frame <= self._run.last:
-            picture = with_sketch(picture, self._raster, self._scene)
+            picture = with_sketch(picture, self._raster(self._run.number_at(frame)), self._scene)
         return self._with_caption(picture, frame)
+
+    def _raster(self, number: int) -> Picture:
+        """Return the picture of the sketch of a number among those that are followed in turn."""
+        if number not in self._rasters:
+            self._rasters[number] = render(self._run.sketches[number], self._scene.size)
+        return self._rasters[number]
 
     def _with_caption(self, picture: Picture, frame: int) -> Picture:
         line = picture.shape[0] / _LINES

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hybridmpm.cli.progress import progress
-from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
+from hybridmpm.control import ControlledTrajectory, Following, Keyframe, Led, Sequence, Sketch, plan_motion
 from hybridmpm.decisions import Decision, Mode, Span, spans
 from hybridmpm.recording import Recording
 from hybridmpm.recording.recording import check_size
@@ -22,8 +22,8 @@ _LED = "led by the sketch"
 class ControlRun:
     """Record of a run with a sketch."""
 
-    guidance: Guidance
-    """The interpreted sketch and its plan."""
+    guidance: Led
+    """The interpreted sketch and its plan, or several in turn."""
     led: ControlledTrajectory
     """Motion of the particles in the frames that the sketch led."""
     recording: Recording
@@ -45,8 +45,21 @@ class ControlRun:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the goal was reached."""
-        return self.led.reached.goal
+        """Whether the goal was reached, or each of several."""
+        return all(reached.goal for reached in self.led.passed or (self.led.reached,))
+
+    @property
+    def sketches(self) -> tuple[Sketch, ...]:
+        """The sketch, or those that are followed in turn."""
+        if isinstance(self.guidance, Sequence):
+            return tuple(keyframe.goal for keyframe in self.guidance.keyframes)
+        return (self.guidance.sketch,)
+
+    def number_at(self, frame: int) -> int:
+        """Return the number of the sketch that leads at a frame, from 0 on."""
+        if not isinstance(self.guidance, Sequence):
+            return 0
+        return self.guidance.number_at(max(0, frame - self.first - 1))
 
     @property
     def spans(self) -> list[Span]:
@@ -102,7 +115,7 @@ def _because(decision: Decision) -> str:
 
 def run_control(
     simulator: Simulator,
-    sketch: Sketch,
+    sketch: Sketch | list[Keyframe],
     *,
     start: int,
     after: int,
@@ -126,7 +139,7 @@ def run_control(
     report : callable
         Called with lines of text: what the sketch needs, before it is followed, and what was reached.
     settings : dict
-        Arguments of `prepare`.
+        Arguments of `plan_motion`.
     """
     check_size(start + after + 1, simulator.particle_count, simulator.dim)
     tracks = Tracks(simulator, start + 1, "positions", "velocities")
@@ -136,10 +149,14 @@ def run_control(
             simulator.advance(1)
             tracks.take(simulator.frame)
             bar.update(1)
-    guidance = prepare(simulator, sketch, **settings)
+    guidance = plan_motion(simulator, sketch, **settings)
     following = Following(simulator, guidance)
     report(f"method {guidance.method}: {guidance.reason}")
-    report(f"needs {guidance.needs()}")
+    if isinstance(guidance, Sequence):
+        for leg in guidance.legs:
+            report(f"needs {leg.needs}")
+    else:
+        report(f"needs {guidance.needs()}")
     total = guidance.total_frames + after
     check_size(start + total + 1, len(tracks.ids), simulator.dim)
     tracks.lengthen(total)
@@ -147,7 +164,8 @@ def run_control(
         for _ in following:
             tracks.take(simulator.frame)
             bar.update(1)
-    report(f"reached {following.result.reached}")
+    for reached in following.result.passed or (following.result.reached,):
+        report(f"reached {reached}")
     with progress(f"Simulating {after} more frames", after) as bar:
         for _ in range(after):
             simulator.advance(1)

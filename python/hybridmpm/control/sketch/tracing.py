@@ -92,17 +92,26 @@ def _traced(inside: Floats, center: Sequence[float], height: float) -> tuple[Flo
     lines = [line[:-1] * [1.0, -1.0] for line in generator.lines(0.0) if len(line) > 3]
     if not lines:
         raise SketchError("picture: it has no dark part that can be traced")
+    return placed(lines, center, height)
+
+
+def placed(lines: Sequence[Floats], center: Sequence[float], height: float) -> tuple[Floats, ...]:
+    """Return closed lines at a place and of a height [m], made simpler where they have many points.
+
+    Raises
+    ------
+    SketchError
+        There are too many.
+    """
     points = np.concatenate(lines)
     low, high = points.min(axis=0), points.max(axis=0)
     scale = height / (high[1] - low[1])
-    placed = [(line - (low + high) / 2) * scale + np.asarray(center, dtype=np.float64) for line in lines]
+    found = [(line - (low + high) / 2) * scale + np.asarray(center, dtype=np.float64) for line in lines]
     tolerance = height / RASTER_SIZE
-    while sum(map(len, placed)) > _FEW_POINTS and tolerance < height / 16:
-        simple = [line[simplified(np.vstack([line, line[:1]]), tolerance)[:-1]] for line in placed]
-        placed = [line for line in simple if len(line) > 2]
+    while sum(map(len, found)) > _FEW_POINTS and tolerance < height / 16:
+        simple = [line[simplified(np.vstack([line, line[:1]]), tolerance)[:-1]] for line in found]
+        found = [line for line in simple if len(line) > 2]
         tolerance *= 1.5
-    if len(placed) > MAX_OUTLINES:
-        raise SketchError(
-            f"picture: it has {len(placed)} parts, at most {MAX_OUTLINES} are allowed; make it simpler"
-        )
-    return tuple(np.ascontiguousarray(line) for line in placed)
+    if len(found) > MAX_OUTLINES:
+        raise SketchError(f"it has {len(found)} parts, at most {MAX_OUTLINES} are allowed; make it simpler")
+    return tuple(np.ascontiguousarray(line) for line in found)
