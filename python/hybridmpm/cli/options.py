@@ -172,16 +172,19 @@ def scene_in(path: Path, seed: int) -> Scene:
     return SceneTemplate.load(path).draw(seed)
 
 
-def check_targets(targets: Sequence[Path]) -> None:
-    """Refuse files of `targets_option` that nothing could be written to.
+def check_targets(
+    targets: Sequence[Path], style: export.Style | None = None, *, dim: int | None = None
+) -> None:
+    """Refuse files of `targets_option` that nothing could be written to; see `export.check_target`.
 
     Raises
     ------
     UsageError
-        A suffix is unknown, a folder does not exist, or a package for the format is missing.
+        A suffix is unknown, a folder does not exist, a package for the format is missing, or a surface is
+        asked for in 2D.
     """
     for target in targets:
         try:
-            export.check_target(target)
+            export.check_target(target, style, dim=dim)
         except ExportError as error:
             raise click.UsageError(f"--out: {error}.") from None

@@ -116,6 +116,7 @@ _SETTINGS = ("scenario", "scene_file", "seed", "kind", "substeps", "coarse", "bu
     show_default=True,
     help="Number of states side by side in a .png, evenly spread over the run.",
 )
+@click.option("--surface", is_flag=True, help="Write each .ply as a surface, as .obj and .glb always are.")
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -140,17 +141,18 @@ def simulate(
     speed: float,
     text_file: Path | None,
     strip: int,
+    surface: bool,
 ) -> None:
     """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, --resume one, or repeat a --run.
 
     The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
-    a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
-    %04d in it stands for a series of numbered files, one for each recorded state. An .html is a page that
-    plays the simulation from its first state in any browser. Without --out and --save the run is timed, and
-    nothing of it is kept.
+    a picture of the last state, .ply or .vtp the particles of the last state, .obj or .glb their surface in
+    3D. A .png, .ply, .vtp, .obj or .glb name with %04d in it stands for a series of numbered files, one for
+    each recorded state. An .html is a page that plays the simulation from its first state in any browser.
+    Without --out and --save the run is timed, and nothing of it is kept.
     """
-    style = export.Style(width=width, speed=speed, strip=strip)
-    pages, targets = _pages_and_others(targets, text_file)
+    style = export.Style(width=width, speed=speed, strip=strip, surface=surface)
+    pages, targets = _pages_and_others(targets, text_file, style)
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
     run = None
@@ -210,6 +212,7 @@ def _run(
     run: Run | None,
 ) -> None:
     """Simulate frames, by default those that the scene suggests, and write the files."""
+    check_targets(targets, style, dim=solver.dim)
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
@@ -235,12 +238,14 @@ def _run(
 
 
 def _pages_and_others(
-    targets: tuple[Path, ...], text_file: Path | None
+    targets: tuple[Path, ...], text_file: Path | None, style: export.Style
 ) -> tuple[list[Path], tuple[Path, ...]]:
     """Return the files that are pages that play, and the others, which are checked."""
     pages = [target for target in targets if target.suffix.lower() in (".html", ".htm")]
     others = tuple(target for target in targets if target not in pages)
-    check_targets(others)
+    check_targets(others, style)
+    if style.surface and not any(other.suffix.lower() == ".ply" for other in others):
+        raise click.UsageError("--surface is for --out FILE.ply; .obj and .glb are surfaces without it.")
     if text_file is not None and not pages:
         raise click.UsageError("--text is for a page that plays: give --out FILE.html, too.")
     return pages, others

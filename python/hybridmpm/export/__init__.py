@@ -6,9 +6,11 @@
 | .gif, .mp4 | a film; .mp4 needs the extra `video` |
 | .png | a picture of the last state, or of several states side by side (`strip`) |
 | .ply, .vtp | the last state as a cloud of points with velocity and type |
+| .obj, .glb | in 3D, the surfaces of the last state as meshes of triangles; they need the extra `surfaces` |
 
-A .png, .ply or .vtp name with `%d` or e.g. `%04d` in it gives a numbered series instead: one file for each
-recorded state, numbered by frame. A file appears under its name only once it is complete.
+With `Style(surface=True)` a .ply is a surface, too. A .png, .ply, .vtp, .obj or .glb name with `%d` or e.g.
+`%04d` in it gives a numbered series instead: one file for each recorded state, numbered by frame. A file
+appears under its name only once it is complete.
 """
 
 import re
@@ -19,16 +21,30 @@ from pathlib import Path
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ExportError
-from hybridmpm.export import arrays, clouds, pictures
+from hybridmpm.export import arrays, clouds, pictures, surfaces
 from hybridmpm.export.clouds import Cloud
+from hybridmpm.export.surfaces import Surface, Surfaces
 from hybridmpm.recording import Recording
 from hybridmpm.render import View, view_of
 
-__all__ = ["SUFFIXES", "Cloud", "Style", "check_target", "needs_history", "save"]
+__all__ = [
+    "GEOMETRY",
+    "SUFFIXES",
+    "Cloud",
+    "Style",
+    "Surface",
+    "Surfaces",
+    "check_target",
+    "needs_history",
+    "save",
+]
 
-SUFFIXES = (".gif", ".mp4", ".npz", ".ply", ".png", ".vtp")
+SUFFIXES = (".gif", ".glb", ".mp4", ".npz", ".obj", ".ply", ".png", ".vtp")
 _CLOUDS = {".ply": clouds.write_ply, ".vtp": clouds.write_vtp}
-_SINGLE = {".png", *_CLOUDS}
+_SURFACES = {".glb": surfaces.write_glb, ".obj": surfaces.write_obj, ".ply": surfaces.write_ply}
+GEOMETRY = (".glb", ".obj", ".ply", ".vtp")
+"""Suffixes of files with points or surfaces, which are no pictures."""
+_SINGLE = (*GEOMETRY, ".png")
 _NUMBER = re.compile(r"%(0\d{1,2})?d")
 
 WriteState = Callable[[Path, Recording, int], None]
@@ -53,6 +69,8 @@ class Style:
     """Simulated seconds in a second of film, 0.01 to 10."""
     strip: int = 1
     """Number of states side by side in a .png, 1 to 12, evenly spread over the recording."""
+    surface: bool = False
+    """Whether a .ply has the surface in place of the points."""
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.speed <= 10.0:
@@ -61,14 +79,23 @@ class Style:
             raise ExportError(f"strip must be in [1, 12], got {self.strip}")
 
 
-def check_target(path: Path) -> None:
+def check_target(path: Path, style: Style | None = None, *, dim: int | None = None) -> None:
     """Refuse a file that `save` could not write, before time is spent on a simulation.
+
+    Parameters
+    ----------
+    path : path
+        File, whose suffix decides the format.
+    style : Style, optional
+        Look that the file will have.
+    dim : int, optional
+        Dimension of the scene, 2 or 3, where it is known.
 
     Raises
     ------
     ExportError
-        The suffix is unknown, the folder does not exist, the format allows no numbered series, or no MP4
-        encoder is installed.
+        The suffix is unknown, the folder does not exist, the format allows no numbered series, a package for
+        the format is not installed, or a surface is asked for in 2D.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -79,6 +106,14 @@ def check_target(path: Path) -> None:
         raise ExportError(f"a numbered series is for {', '.join(_SINGLE)}; got {path.name!r}")
     if suffix == ".mp4":
         pictures.require_encoder()
+    if _is_surface(suffix, style or Style()):
+        surfaces.require_meshing()
+        if dim is not None:
+            surfaces.check_dim(dim)
+
+
+def _is_surface(suffix: str, style: Style) -> bool:
+    return suffix in _SURFACES and (suffix not in _CLOUDS or style.surface)
 
 
 def needs_history(path: Path, style: Style) -> bool:
@@ -115,7 +150,7 @@ def save(
         `check_target` refuses the path, or writing failed. An older file of that name then stays.
     """
     path, style = Path(path), style or Style()
-    check_target(path)
+    check_target(path, style, dim=recording.scene.dim)
     progress = on_progress or (lambda _done, _total: None)
     suffix = path.suffix.lower()
     if suffix in {".gif", ".mp4"}:
@@ -129,6 +164,9 @@ def save(
         return [path]
     if suffix == ".png":
         return _save_pictures(path, recording, style, view or _view(recording, style), progress)
+    if _is_surface(suffix, style):
+        write = partial(_SURFACES[suffix], surfaces=Surfaces(recording))
+        return _save_states(path, recording, write, progress)
     return _save_states(path, recording, _CLOUDS[suffix], progress)
 
 

@@ -58,6 +58,12 @@ def test_simulate_a_scene_file_to_several_files(tmp_path: Path, scene_file: Path
     written = {file.name for file in tmp_path.iterdir()} - {"drop.yaml"}
     assert written == {"a.npz", "a.gif", "a.png", "s00.ply", "s04.ply", "s08.ply", "a.vtp"}
     assert result.stdout.count("wrote ") == 5
+    flat = run("simulate", "--scene", scene_file, "--out", tmp_path / "a.obj")
+    assert flat.exit_code == 2
+    assert "--out: surfaces need" in flat.stderr
+    points = run("simulate", "--scene", scene_file, "--surface", "--out", tmp_path / "a.vtp")
+    assert points.exit_code == 2
+    assert "--surface is for --out FILE.ply" in points.stderr
 
 
 def test_a_page_that_plays_is_written_without_a_run(tmp_path: Path, scene_file: Path) -> None:

@@ -76,7 +76,7 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
     "DataError": (lambda: data.detect(Path("nowhere")), "nowhere is no folder"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
-    "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
+    "ExportError": (lambda: export.check_target(Path("fluid.stl")), r"\.vtp; got 'fluid\.stl'"),
     "ForceError": (lambda: MpmSolver(DROP).advance(1, [1.0]), r"have shape \(2,\), .*got shape \(1,\)"),
     "FrameCancelledError": (advance_after_a_cancel, "frame 0 was cancelled"),
     "GraphSizeError": (

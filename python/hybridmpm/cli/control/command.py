@@ -135,11 +135,11 @@ def control(
 
     The suffix of each --out FILE decides its content: .npz has positions, forces and simulators of all
     frames, .gif or .mp4 a film with the sketch, .png a picture of the last state, .ply or .vtp the particles
-    of the last state.
+    of the last state, .obj or .glb their surface in 3D.
     """
     style = export.Style(width=width, speed=speed)
-    check_targets(targets)
     drawn_in = scene_of(scene, seed)
+    check_targets(targets, style, dim=drawn_in.dim)
     sketch = sketch_of(sketch_file, drawn_in.size)
     if settings["who"] is not None:
         settings["who"] = _who(settings["who"], drawn_in.size)
@@ -191,7 +191,7 @@ def _write(target: Path, run: ControlRun, style: export.Style) -> None:
             )
         click.echo(f"wrote {target}")
         return
-    view = None if target.suffix in {".ply", ".vtp"} else ControlFilm(run, style.width)
+    view = None if target.suffix.lower() in export.GEOMETRY else ControlFilm(run, style.width)
     with progress(f"Writing {target.name}", CountedProgress.STEPS) as bar:
         files = export.save(target, recording, style, view=view, on_progress=CountedProgress(bar))
         bar.finish()
