@@ -78,7 +78,9 @@ const steering = new Steering({
   release: () => session.release().catch(messages.toast),
   dim: () => shown.scene.dim,
   widths: controls.depthWidths,
-  tail: tailOf,
+  // What waits for its turn begins where the goal before it is.
+  isBeside: (point) => !strip?.shows && shown.who === null && stage.particleAt(point) === null,
+  middle: middleOf,
   changed: refreshSteering,
   refused: messages.toast,
   planned: ({ needs }) => {
@@ -141,11 +143,10 @@ function drawnSettings() {
   return shown.who === null ? sketchSettings() : { ...sketchSettings(), who: { particle: shown.who.particle } };
 }
 
-/** Where an arrow that is drawn from a point begins, {point, width}; null where there is fluid, or nothing is known of its middle. */
-function tailOf(point) {
+/** The middle of the fluid, {point, width of a stroke at its depth}; null where there is none. */
+function middleOf() {
   const { centroid, scene } = shown;
-  // What waits for its turn begins where the goal before it is.
-  if (centroid === null || strip?.shows || shown.who !== null || stage.particleAt(point) !== null) return null;
+  if (centroid === null) return null;
   const { lower, upper } = scene.walls;
   const width = scene.dim === 3 ? widthOfDepth((centroid[2] - lower[2]) / (upper[2] - lower[2])) : controls.depthWidths()[0];
   return { point: centroid.slice(0, 2), width };

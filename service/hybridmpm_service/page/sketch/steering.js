@@ -19,7 +19,7 @@ export class Steering {
   #guess = "arrow"; // kind that a free stroke was read as
   #tool = "arrow";
   #samples = []; // points of the stroke in progress: {point, time}
-  #tail = null; // where an arrow begins that is not drawn from the fluid, {point, width}; null where it is
+  #isBeside = false; // whether the stroke in progress begins beside the fluid
   #stageTimer = 0;
   #lastFrame = 0;
   #seen = false; // whether the server has said that this sketch steers
@@ -28,7 +28,7 @@ export class Steering {
   #handlers;
 
   /** @param handlers {plan(stroke or keyframes, settings, signal) -> promise, goal() -> promise of the present one, collected(sketch, stroke) -> whether it waits for its turn, settings() -> those of the next sketch, release(), dim(), widths(),
-   *   tail(point) -> where an arrow drawn from there begins, {point, width}, or null where it begins there, changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
+   *   isBeside(point) -> whether there is no fluid, middle() -> that of the fluid, {point, width}, or null, changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -43,7 +43,7 @@ export class Steering {
     this.#attempt += 1;
     this.#tool = tool;
     this.#samples = [sample];
-    this.#tail = this.#handlers.tail(sample.point);
+    this.#isBeside = this.#handlers.isBeside(sample.point);
     this.#forget();
     this.#updateSketch();
     this.#enter("drawing");
@@ -79,8 +79,9 @@ export class Steering {
   /** What is drawn is what is done: an arrow that begins beside the fluid begins in its middle, and ends where it ends. */
   #arrow(points) {
     const widths = this.#handlers.widths();
-    if (this.#tail === null) return { kind: "arrow", points, widths };
-    return { kind: "arrow", points: startingAt(this.#tail.point, points), widths: [this.#tail.width, widths[1]] };
+    const middle = this.#isBeside ? this.#handlers.middle() : null; // which moves while one draws
+    if (middle === null) return { kind: "arrow", points, widths };
+    return { kind: "arrow", points: startingAt(middle.point, points), widths: [middle.width, widths[1]] };
   }
 
   /** End the stroke. Arrow and oval are sent at once; the guess for a free stroke waits a moment. */
