@@ -60,13 +60,15 @@ class Style:
     Raises
     ------
     ExportError
-        `speed` or `strip` is out of range.
+        `speed`, `fps` or `strip` is out of range.
     """
 
     width: int = 640
     """Width of a picture [pixels], 64 to 4096."""
     speed: float = 1.0
     """Simulated seconds in a second of film, 0.01 to 10."""
+    fps: int = 50
+    """Pictures in a second of film, 1 to 50."""
     strip: int = 1
     """Number of states side by side in a .png, 1 to 12, evenly spread over the recording."""
     surface: bool = False
@@ -75,6 +77,8 @@ class Style:
     def __post_init__(self) -> None:
         if not 0.01 <= self.speed <= 10.0:
             raise ExportError(f"speed must be in [0.01, 10], got {self.speed}")
+        if not 1 <= self.fps <= 50:
+            raise ExportError(f"fps must be in [1, 50], got {self.fps}")
         if not 1 <= self.strip <= 12:
             raise ExportError(f"strip must be in [1, 12], got {self.strip}")
 
@@ -156,7 +160,8 @@ def save(
     if suffix in {".gif", ".mp4"}:
         write_film = pictures.write_gif if suffix == ".gif" else pictures.write_mp4
         with replacing(path) as part:
-            write_film(part, recording, view or _view(recording, style), style.speed, progress)
+            pace = pictures.Pace(style.speed, style.fps)
+            write_film(part, recording, view or _view(recording, style), pace, progress)
         return [path]
     if suffix == ".npz":
         with replacing(path) as part:

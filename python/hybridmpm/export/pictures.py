@@ -4,6 +4,7 @@ import importlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +14,16 @@ from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
 from hybridmpm.render import View, side_by_side
 
-FILM_FPS = 50
-"""Pictures in a second of film. GIF delays are whole hundredths of a second; browsers slow down below two."""
+
+class Pace(NamedTuple):
+    """Pace of a film."""
+
+    speed: float
+    """Simulated seconds in a second of film."""
+    fps: int
+    """Pictures in a second of film. Delays in a GIF are whole hundredths of a second; browsers slow down
+    below two."""
+
 
 Progress = Callable[[int, int], object]
 
@@ -31,14 +40,14 @@ def write_strip(path: Path, recording: Recording, view: View, count: int) -> Non
     Image.fromarray(side_by_side(pictures)).save(path, optimize=True)
 
 
-def write_gif(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
-    """Write a film that repeats without end, 50 pictures a second.
+def write_gif(path: Path, recording: Recording, view: View, pace: Pace, progress: Progress) -> None:
+    """Write a film that repeats without end.
 
     Each picture is written before the next one is drawn; Pillow would keep them all until the last.
     """
     before: npt.NDArray[np.uint8] | None = None
     with path.open("wb") as file:
-        for picture in _film(recording, view, speed, progress):
+        for picture in _film(recording, view, pace, progress):
             if before is None:
                 corner, changed = (0, 0), picture
                 head, _ = GifImagePlugin.getheader(_with_palette(picture), info={"loop": 0})
@@ -47,7 +56,9 @@ def write_gif(path: Path, recording: Recording, view: View, speed: float, progre
                 corner, changed = _changed(before, picture)
             image = _with_palette(changed)
             file.writelines(
-                GifImagePlugin.getdata(image, corner, duration=1000 // FILM_FPS, include_color_table=True)
+                GifImagePlugin.getdata(
+                    image, corner, duration=round(1000 / pace.fps), include_color_table=True
+                )
             )
             before = picture
         file.write(b";")
@@ -69,15 +80,15 @@ def _changed(
     return (int(columns[0]), int(rows[0])), np.ascontiguousarray(part)
 
 
-def write_mp4(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
-    """Write an H.264 film, 50 pictures a second; raises `ExportError` where the encoder fails."""
+def write_mp4(path: Path, recording: Recording, view: View, pace: Pace, progress: Progress) -> None:
+    """Write an H.264 film; raises `ExportError` where the encoder fails."""
     encoder = require_encoder()
-    pictures = _film(recording, view, speed, progress)
+    pictures = _film(recording, view, pace, progress)
     first = next(pictures)
     size = (first.shape[1], first.shape[0])
     # Views have even sizes, so blocks of 2 pixels fit without scaling the picture.
     sink = encoder.write_frames(
-        str(path), size, fps=FILM_FPS, quality=8, macro_block_size=2, ffmpeg_log_level="error"
+        str(path), size, fps=pace.fps, quality=8, macro_block_size=2, ffmpeg_log_level="error"
     )
     sink.send(None)
     try:
@@ -101,11 +112,11 @@ def require_encoder() -> ModuleType:
 
 
 def _film(
-    recording: Recording, view: View, speed: float, progress: Progress
+    recording: Recording, view: View, pace: Pace, progress: Progress
 ) -> Iterator[npt.NDArray[np.uint8]]:
     """Yield the pictures of a film; each shows the state nearest to its time."""
     frames = recording.frames - recording.frames[0]
-    frames_per_picture = speed / (FILM_FPS * recording.scene.frame_dt)
+    frames_per_picture = pace.speed / (pace.fps * recording.scene.frame_dt)
     wanted = np.arange(0.0, frames[-1] + 1e-9, frames_per_picture)
     right = np.clip(np.searchsorted(frames, wanted), 1, max(1, len(frames) - 1))
     right = np.minimum(right, len(frames) - 1)

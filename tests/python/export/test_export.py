@@ -138,6 +138,11 @@ def test_film_speed(tmp_path: Path, recording: Recording) -> None:
             film.seek(index)
             total += film.info["duration"]
         assert total == 7 * 20
+    export.save(tmp_path / "few.gif", recording, export.Style(width=80, speed=0.5, fps=25))
+    with Image.open(tmp_path / "few.gif") as film:
+        assert (film.n_frames, film.info["duration"]) == (4, 40)  # type: ignore[attr-defined]
+    with pytest.raises(ExportError, match=r"fps must be in \[1, 50\], got 60"):
+        export.Style(fps=60)
 
 
 def test_mp4(tmp_path: Path, recording: Recording) -> None:

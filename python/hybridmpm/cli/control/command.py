@@ -103,6 +103,13 @@ from hybridmpm.simulator import Kind, Simulator
 @targets_option
 @width_option(640)
 @speed_option
+@click.option(
+    "--fps",
+    type=click.IntRange(1, 50),
+    default=50,
+    show_default=True,
+    help="Pictures in a second of film; fewer make a smaller file.",
+)
 @click.pass_context
 def control(
     ctx: click.Context,
@@ -119,6 +126,7 @@ def control(
     targets: tuple[Path, ...],
     width: int,
     speed: float,
+    fps: int,
     **settings: Any,
 ) -> None:
     """Let SCENE, a scenario or a scene file, follow a sketch.
@@ -137,7 +145,7 @@ def control(
     frames, .gif or .mp4 a film with the sketch, .png a picture of the last state, .ply or .vtp the particles
     of the last state, .obj or .glb their surface in 3D.
     """
-    style = export.Style(width=width, speed=speed)
+    style = export.Style(width=width, speed=speed, fps=fps)
     drawn_in = scene_of(scene, seed)
     check_targets(targets, style, dim=drawn_in.dim)
     sketch = sketch_of(sketch_file, drawn_in.size)
