@@ -33,10 +33,10 @@ LIMITS = {
     # 65 lines sum forces only where they are read.
     # 45 lines put elastic balls on rings, since rough ones do not roll.
     # 375 lines write surfaces.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_690),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_730),
     # 100 lines are for networks of one's own, and for lines of progress.
-    # 12 lines pass the command `key` on to the service; 55 film runs of the page; 90 read goals.
-    "command line": (("python/hybridmpm/cli/**.py",), 2_915),
+    # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
+    "command line": (("python/hybridmpm/cli/**.py",), 2_930),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
