@@ -1,4 +1,4 @@
-"""`SceneCheck`: the result of a check, and `Finding`, one remark of it."""
+"""`SceneCheck`: the result of a check, and `Finding`, one entry of it."""
 
 import html
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ it costs more than it has to."""
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One remark about a scene."""
+    """What a check has found in one field of a scene."""
 
     severity: Severity
     field: str
@@ -75,7 +75,7 @@ class SceneCheck:
             parts.append(f"about {self.milliseconds:.3g} ms a frame")
         parts.append(f"{self.memory / 2**20:.0f} MiB")
         count = len(self.findings)
-        found = "nothing to remark" if count == 0 else f"{count} remark{'s' * (count > 1)}"
+        found = "no findings" if count == 0 else f"{count} finding{'s' * (count > 1)}"
         return [f"{self.scene}: {'; '.join(parts)}; {found}"]
 
     __repr__ = __str__

@@ -55,7 +55,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
     assert found.milliseconds is not None
     assert 0.001 < found.milliseconds < 1000
     assert 50e6 < found.memory < 200e6
-    assert "nothing to remark" in str(found)
+    assert "no findings" in str(found)
 
 
 @pytest.mark.parametrize(

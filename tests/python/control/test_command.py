@@ -62,13 +62,13 @@ def test_the_hybrid_runs_is_led_and_goes_on_by_its_own_rules(folder: Path) -> No
     assert run.exit_code == 0, run.output
     lines = [line for line in run.output.splitlines() if line.startswith("frames ")]
     assert lines[:3] == [
-        "frames 1 to 10: MPM, which free fall looks back on",
+        "frames 1 to 10: MPM, from whose states free fall begins",
         "frames 11 to 30: free fall, warm-up",
         "frames 31 to 90: MPM, led by the sketch",
     ]
     # Two windows of accelerations, and one of calm; the reason is the log's.
     waiting, again = (re.fullmatch(r"frames (\d+) to (\d+): (.*)", line) for line in lines[3:5])
-    assert waiting[3] == "MPM, still since frame 30"
+    assert waiting[3] == "MPM, as since frame 30"
     assert again[3].startswith("free fall, calm ")
     assert 90 < int(again[1]) <= 155
     with np.load(files[0]) as data:

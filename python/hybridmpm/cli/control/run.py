@@ -99,9 +99,9 @@ class ControlRun:
 
     def _reason(self, span: Span, before: int) -> str:
         if span.decision is None:
-            return f"which {self.network} looks back on"
+            return f"from whose states {self.network} begins"
         if before > span.decision.frame:
-            return f"still since frame {span.decision.frame}"
+            return f"as since frame {span.decision.frame}"
         return _because(span.decision)
 
     def _undone(self, taken: Decision, back: Decision) -> str:
