@@ -124,7 +124,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
             expose_headers=["Location", "Retry-After", REQUEST_ID],
         )
     app.add_middleware(AccessMiddleware, hosts=settings.hosts, origins=settings.cors_origins)
-    app.add_middleware(AnswerMiddleware)
+    app.add_middleware(AnswerMiddleware, origins=settings.cors_origins)
     app.add_middleware(ObservedMiddleware, metrics=app.state.metrics, operations=app.state.operations)
     _document(app)
     return app

@@ -48,17 +48,18 @@ _KEPT_HEADERS = ("allow", "retry-after", "vary", "access-control-allow-origin")
 class AnswerMiddleware:
     """Middleware that adds the security headers to every answer and turns every failure into a problem.
 
-    It is the outermost one: the others, and a fault of the service, would answer in plain text.
+    It is the outermost one: the others, and a fault of the service, would answer in plain text. Pages of
+    `origins` may read these answers, too.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    def __init__(self, app: ASGIApp, origins: Collection[str] = ()) -> None:
+        self._app, self._origins = app, origins
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        answer = _Answer(scope, receive, send)
+        answer = _Answer(scope, receive, send, self._origins)
         try:
             await self._app(scope, receive, answer.send_or_replace)
         except Exception:
@@ -71,8 +72,9 @@ class AnswerMiddleware:
 class _Answer:
     """One answer on its way to the client."""
 
-    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    def __init__(self, scope: Scope, receive: Receive, send: Send, origins: Collection[str]) -> None:
         self._scope = scope
+        self._origins = origins
         self._receive = receive
         self._send = send
         self._replaced = False
@@ -101,6 +103,10 @@ class _Answer:
             headers = MutableHeaders(raw=message["headers"])
             for name, value in SECURITY_HEADERS.items():
                 headers.setdefault(name, value)
+            origin = Headers(scope=self._scope).get("origin")
+            if origin and origin in self._origins and "access-control-allow-origin" not in headers:
+                headers["access-control-allow-origin"] = origin
+                headers.add_vary_header("Origin")
             message["headers"] = headers.raw
         await self._send(message)
 

@@ -56,6 +56,13 @@ def test_a_listed_front_end_may_do_everything(start: Callable[..., Any]) -> None
     assert refused.headers["access-control-allow-origin"] == FRIEND
     with service.stream(path, origin=FRIEND) as stream:
         assert stream.receive()["type"] == "hello"
+    # It can read what is answered before and instead of a route, too.
+    misdirected = service.http.get("/livez", headers=headers | {"Host": "evil.example"})
+    service.session(path).log = None  # a fault
+    for answer, status in ((misdirected, 421), (service.http.get(f"{path}/log", headers=headers), 500)):
+        assert problem(answer, status)["status"] == status
+        assert answer.headers["access-control-allow-origin"] == FRIEND
+        assert "Origin" in answer.headers["vary"]
     stranger = preflight | {"Origin": "https://evil.example"}
     problem(service.http.options("/v1/sessions", headers=stranger), 400)
 
