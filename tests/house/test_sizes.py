@@ -60,8 +60,8 @@ LIMITS = {
     # 220 lines compress the page's files once, and make one file of the modules of its start.
     # 200 lines take shapes and keyframes over HTTP.
     # 30 lines show viewers the goals of sketches, and hands.
-    # 80 lines write the types of the client in JavaScript, and keep old frames from slow lines.
-    "service": (("service/**.py",), 12_730),
+    # 90 lines write the types of the client in JavaScript, bound old frames, and let others read faults.
+    "service": (("service/**.py",), 12_740),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -84,12 +84,12 @@ LIMITS = {
     # 1 100 lines try to get past keys, break links, restore a copy, and call by TLS and below a prefix.
     # 220 lines hang and restart servers under pages, open pages of other sites, and compute runs again.
     # 130 lines look at films of what was seen, at depths, arrows from beside the fluid, and hands of others.
-    # 460 lines are for files of the page, slow lines, and the client in JavaScript.
+    # 475 lines are for files of the page, slow lines, and the client in JavaScript.
     # 550 lines settle shapes, and follow keyframes in the library, over HTTP and on the page.
     # 30 lines try sums of forces that begin late.
     # 155 lines measure in lessons, draw the pictures of the gallery, and slow streams down.
     # 120 lines close surfaces, and weigh them.
-    "tests": (("tests/**.py",), 36_370),
+    "tests": (("tests/**.py",), 36_385),
     "tests of the laboratory": (("tests/lab/**.py",), 2_010),
 }
 """Patterns of git, and the most lines of the files that they match."""
