@@ -33,7 +33,8 @@ LIMITS = {
     # 65 lines sum forces only where they are read.
     # 45 lines put elastic balls on rings, since rough ones do not roll.
     # 375 lines write surfaces.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_730),
+    # 45 lines make bodies of several outlines.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_775),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     "command line": (("python/hybridmpm/cli/**.py",), 2_930),
@@ -89,7 +90,8 @@ LIMITS = {
     # 30 lines try sums of forces that begin late.
     # 155 lines measure in lessons, draw the pictures of the gallery, and slow streams down.
     # 120 lines close surfaces, and weigh them.
-    "tests": (("tests/**.py",), 36_385),
+    # 50 lines fill bodies of several outlines.
+    "tests": (("tests/**.py",), 36_435),
     "tests of the laboratory": (("tests/lab/**.py",), 2_010),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -1,8 +1,10 @@
 """Bodies: shapes of material that become particles."""
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,7 @@ from hybridmpm.scene.fields import Point, Points, Seed, Velocity
 from hybridmpm.scene.materials import Material
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
 
+_MOST_CORNERS = 1000
 _LEVELS = 16
 """Number of heights between two corners of a polygon at which its width is taken."""
 
@@ -92,9 +95,57 @@ class Polygon(_Body):
     """Closed polygon, 2D only. It may be concave; what lies inside follows the even-odd rule."""
 
     shape: Literal["polygon"] = "polygon"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=1000)] = Field(
+    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=_MOST_CORNERS)] = Field(
         description="Corners of the polygon in order [m]; an edge joins the last to the first."
     )
+
+    @classmethod
+    def around(
+        cls,
+        outlines: Sequence[npt.ArrayLike],
+        *,
+        material: Material | str,
+        velocity: Sequence[float] | None = None,
+        seed: int = 0,
+    ) -> Self:
+        """Return the polygon of what several closed lines enclose; a line within another one makes a hole.
+
+        Parts may lie apart, as letters do. The one outline of the polygon runs along all lines in turn and
+        returns by the same way. `hybridmpm.control` reads lines from texts, pictures and SVG paths:
+        `Polygon.around(shape_of_text("wave", (0.5, 0.6), 0.2).outlines, material="water")`.
+
+        Parameters
+        ----------
+        outlines : sequence of float (K, 2), K >= 3
+            Closed lines [m]; the last point of each joins the first. By the even-odd rule a point is inside
+            where a ray from it crosses them an odd number of times. They may have 1000 points, with two more
+            for each line but the first.
+        material, velocity, seed
+            As of any body.
+
+        Raises
+        ------
+        ConfigError
+            There is no line, or one is not of this form.
+        SceneError
+            A value is out of range.
+        """
+        lines = [float64(f"outlines[{number}]", line) for number, line in enumerate(outlines)]
+        if not lines:
+            raise ConfigError("outlines: there must be at least one line")
+        for number, line in enumerate(lines):
+            if line.ndim != 2 or line.shape[1] != 2 or len(line) < 3:
+                shape = line.shape
+                raise ConfigError(f"outlines[{number}] must have shape (K, 2) with K >= 3, got {shape}")
+        # Ways from the first line to the others are edges there and back, which count as none.
+        corners = np.vstack([lines[0], *(np.vstack([lines[0][:1], line, line[:1]]) for line in lines[1:])])
+        if len(corners) > _MOST_CORNERS:
+            text = (
+                f"they have {len(corners)} points with the ways between, at most {_MOST_CORNERS} are allowed"
+            )
+            raise ConfigError(f"outlines: {text}; make them simpler")
+        fields = {"vertices": corners.tolist(), "material": material, "velocity": velocity, "seed": seed}
+        return cls.model_validate(fields)
 
     @property
     def bounds(self) -> tuple[Points, Points]:
@@ -102,11 +153,17 @@ class Polygon(_Body):
         corners = np.array(self.vertices)
         return corners.min(axis=0), corners.max(axis=0)
 
+    def _edges(self) -> tuple[Points, Points]:
+        """Return the ends (K, 2) of the edges in order [m], without those that lead there and back."""
+        edges = list(zip(self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True))
+        times = Counter(frozenset(edge) for edge in edges)
+        kept = np.array([edge for edge in edges if times[frozenset(edge)] % 2]).reshape(-1, 2, 2)
+        return kept[:, 0], kept[:, 1]
+
     @property
     def measure(self) -> float:
         """Area [m^2] by the even-odd rule; exact unless the outline crosses itself, then to 0.1 %."""
-        a = np.array(self.vertices)
-        b = np.roll(a, -1, axis=0)
+        a, b = self._edges()
         lowest, highest = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
         area = 0.0
         for low, high in pairwise(np.unique(a[:, 1])):
@@ -121,8 +178,8 @@ class Polygon(_Body):
     @property
     def smallest_extent(self) -> float:
         """Shorter side [m] of the rectangle with this area and length of the outline: a thin one may bend."""
-        corners = np.array(self.vertices)
-        outline = float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).sum())
+        start, end = self._edges()
+        outline = float(np.linalg.norm(start - end, axis=1).sum())
         return (outline - math.sqrt(max(0.0, outline**2 - 16 * self.measure))) / 4
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
@@ -131,8 +188,7 @@ class Polygon(_Body):
         order = np.argsort(x[:, 1])
         across, height = x[order].T
         odd = np.zeros(len(x), dtype=bool)
-        corners = np.array(self.vertices)
-        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        for (ax, ay), (bx, by) in zip(*self._edges(), strict=True):
             # Only points first to last have the edge at their height. A horizontal edge is at no height,
             # since no horizontal ray crosses it.
             first, last = np.searchsorted(height, sorted((ay, by)))

@@ -11,6 +11,7 @@ from hybridmpm import (
     BallObstacle,
     Box,
     BoxObstacle,
+    ConfigError,
     Cylinder,
     CylinderObstacle,
     HalfSpaceObstacle,
@@ -99,6 +100,58 @@ def test_polygon_by_the_even_odd_rule() -> None:
     inside = star_body.contains(np.random.default_rng(0).uniform(lower, upper, (200_000, 2))).mean()
     assert star_body.measure == pytest.approx(inside * np.prod(upper - lower), rel=0.01)
     assert star_body.contains(np.array([[0.5, 0.75]]))[0]
+
+
+def test_a_polygon_around_several_lines_has_holes_and_parts() -> None:
+    """A ring that holds an island, and a part beside it; the ways between the lines enclose nothing."""
+    squares = [(0.4, 0.5, 0.2), (0.4, 0.5, 0.15), (0.4, 0.5, 0.05), (0.8, 0.3, 0.08)]
+    lines = [
+        np.array([[x - half, y - half], [x + half, y - half], [x + half, y + half], [x - half, y + half]])
+        for x, y, half in squares
+    ]
+    body = Polygon.around(lines, material="water", velocity=(1.0, 0.0), seed=4)
+    assert Polygon.model_validate(body.model_dump()) == body
+    area = 4 * (0.2**2 - 0.15**2 + 0.05**2 + 0.08**2)
+    assert body.measure == pytest.approx(area, rel=1e-9)
+    # The last points lie on the way from one line to another.
+    way = lines[0][0] + np.linspace(0.01, 0.99, 99)[:, None] * (lines[3][0] - lines[0][0])
+    x = np.concatenate([np.random.default_rng(1).random((4000, 2)), way])
+    around = sum((np.abs(x - (across, up)) < half).all(axis=1).astype(int) for across, up, half in squares)
+    np.testing.assert_array_equal(body.contains(x), np.asarray(around) % 2 == 1)
+    particles = Scene(dim=2, bodies=(body,)).sample()
+    assert particles.mass.sum() == pytest.approx(1000 * area, rel=1e-5)
+    assert len(particles.x) == pytest.approx(area / Scene(dim=2, bodies=(body,)).spacing ** 2, rel=0.02)
+    # Four strokes of 0.05 m and two squares: a rectangle with this area and outline is thinner than they are.
+    assert 0.03 < body.smallest_extent < 0.06
+
+
+@pytest.mark.needs("contourpy", "shapes")
+def test_texts_and_pictures_are_bodies_with_the_mass_of_their_area() -> None:
+    from hybridmpm.control import shape_of_picture, shape_of_text
+
+    row, column = np.mgrid[-100:101, -100:101]
+    ring = np.where((row**2 + column**2 < 90**2) & (row**2 + column**2 > 40**2), 0.0, 1.0)
+    word = shape_of_text("8i", (0.3, 0.4), 0.3)
+    logo = shape_of_picture(ring, (0.7, 0.4), 0.3)
+    bodies = [Polygon.around(shape.outlines, material="sand") for shape in (word, logo)]
+    scene = Scene(dim=2, resolution=64, bodies=tuple(bodies))
+    assert Scene.from_json(scene.to_json()) == scene
+    particles = scene.sample()
+    mass = np.bincount(particles.body, particles.mass)
+    np.testing.assert_allclose(mass, [1600 * shape.area for shape in (word, logo)], rtol=5e-4)
+    # The dark pixels, 179 of which are as high as the picture of the ring.
+    assert mass[1] == pytest.approx(1600 * (ring == 0).sum() * (0.3 / 179) ** 2, rel=0.002)
+    assert not bodies[1].contains(np.array([[0.7, 0.4]]))[0]
+
+
+def test_lines_that_are_no_outlines_are_refused() -> None:
+    for lines, text in (
+        ([], "at least one line"),
+        ([ELL, ELL[:2]], r"outlines\[1\] must have shape \(K, 2\)"),
+        ([ELL] * 200, "1598 points .* at most 1000"),
+    ):
+        with pytest.raises(ConfigError, match=text):
+            Polygon.around(lines, material="water")
 
 
 def test_a_polygon_is_where_a_count_of_crossings_says() -> None:
