@@ -375,7 +375,7 @@ class _Gate:
 
             return prepare(*arguments, on_frame=counted, **settings)
 
-        monkeypatch.setattr("hybridmpm_service.sessions.work.prepare", held)
+        monkeypatch.setattr("hybridmpm_service.sessions.work.plan_motion", held)
 
     async def reached(self) -> None:
         assert await asyncio.to_thread(self.inside.wait, 60)
