@@ -40,13 +40,15 @@ export class Seen {
       this.#show(null, null);
       return;
     }
-    if (control.number === this.#number) return;
-    this.#number = control.number;
+    // Of several in turn the present one is asked for.
+    const present = `${control.number} ${control.keyframe ?? 0}`;
+    if (present === this.#number) return;
+    this.#number = present;
     try {
       const one = await this.#parts.sketch();
-      if (this.#number !== control.number) return;
+      if (this.#number !== present) return;
       // Another one may have begun meanwhile: the next status says so.
-      if (one?.number === control.number) this.#show(control.number, drawn(one.sketch), one.goal);
+      if (one?.number === control.number) this.#show(present, drawn(one.sketch), one.goal);
     } catch {
       // The connection is broken, which is shown elsewhere, or the sketch has ended.
     }
