@@ -183,6 +183,18 @@ def test_what_is_too_thin_or_crosses_itself_is_said() -> None:
         r"\d+ % of the shape is thinner than 4 grid cells, 6.2 cm: draw it wider", str(thin.needs())
     )
     assert "approached with at most" in thin.reason
+    fork = [
+        (0.3, 0.3),
+        (0.6, 0.3),
+        (0.6, 0.6),
+        (0.48, 0.6),
+        (0.48, 0.4),
+        (0.45, 0.4),
+        (0.45, 0.6),
+        (0.3, 0.6),
+    ]
+    (note,) = prepare(solver, Shape((fork,)), fill="shrink").needs().notes
+    assert re.match(r"gaps of \d+ % of the shape's area are narrower than 4 grid cells, 6.2 cm: some", note)
     star = prepare(solver, Shape((0.5 + 0.3 * CIRCLE[::18][[0, 2, 4, 1, 3]],))).needs()
     assert "lines of the shape cross: what they enclose an odd number of times is filled" in star.notes
 

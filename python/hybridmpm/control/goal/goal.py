@@ -117,6 +117,8 @@ _LEAST_CELLS = 4
 """Cells that a part of a shape is wide at least, so that the fluid can keep to it."""
 _TOO_THIN = 0.25
 """Share of a shape that may be thinner than that before it counts as out of reach [-]."""
+_NARROW = 0.03
+"""Area of narrow gaps of a shape, over that of the shape, from which on they are named [-]."""
 _THIN = 2.0
 """Volume of an oval over that of the fluid from which on `fill="shrink"` is suggested."""
 _HALVINGS = 7
@@ -325,6 +327,13 @@ class Goal:
         found = []
         if isinstance(self.drawn, Silhouette) and self.drawn.shape.crosses_itself:
             found.append("lines of the shape cross: what they enclose an odd number of times is filled")
+        if isinstance(self.drawn, Silhouette) and self.region is not None:
+            width = _LEAST_CELLS / self.room.scene.resolution
+            if (share := self.drawn.narrow(width / self.region.scale)) > _NARROW:
+                text = (
+                    f"gaps of {100 * share:.0f} % of the shape's area are narrower than {_LEAST_CELLS} grid"
+                )
+                found.append(f"{text} cells, {100 * width:.1f} cm: some of the fluid stays in them")
         if self.drawn is not None and self.cloud.elastic > 0:
             found.append(f"elastic bodies keep their shape and will not fill the {self.noun}")
         if self.drawn is not None and self.region is not None:

@@ -139,14 +139,26 @@ class Silhouette:
 
     def thin(self, width: float) -> float:
         """Return the share of the area that a square of a width [m] within the shape does not reach [-]."""
+        picture, area = self._picture(width)
+        opened = picture.filter(ImageFilter.MinFilter(_ACROSS)).filter(ImageFilter.MaxFilter(_ACROSS))
+        return 1.0 - float(np.count_nonzero(np.asarray(opened))) / area
+
+    def narrow(self, width: float) -> float:
+        """Return the area in gaps that a square of a width [m] does not reach, over that of the shape [-]."""
+        picture, area = self._picture(width)
+        closed = picture.filter(ImageFilter.MaxFilter(_ACROSS)).filter(ImageFilter.MinFilter(_ACROSS))
+        return float(np.count_nonzero(np.asarray(closed))) / area - 1.0
+
+    def _picture(self, width: float) -> tuple[Image.Image, int]:
+        """Return the shape in white, with some pixels along a width [m], and its area in pixels."""
         pixel = width / _ACROSS
         low, high = self.shape.bounds
-        columns, rows = (np.ceil((high - low) / pixel).astype(int) + 2).tolist()
-        x, y = np.meshgrid(np.arange(columns) - 0.5, np.arange(rows) - 0.5)
+        # A margin beyond which neither filter reaches.
+        columns, rows = (np.ceil((high - low) / pixel).astype(int) + 2 * _ACROSS).tolist()
+        x, y = np.meshgrid(np.arange(columns) + 0.5 - _ACROSS, np.arange(rows) + 0.5 - _ACROSS)
         inside = self.shape.covers(low + pixel * np.column_stack([x.ravel(), y.ravel()]))
         picture = Image.fromarray((255 * inside.reshape(rows, columns)).astype(np.uint8))
-        opened = picture.filter(ImageFilter.MinFilter(_ACROSS)).filter(ImageFilter.MaxFilter(_ACROSS))
-        return 1.0 - float(np.count_nonzero(np.asarray(opened))) / max(1, int(inside.sum()))
+        return picture, max(1, int(inside.sum()))
 
     def sample(self) -> Floats:
         """Return points (K, D) all over the silhouette [m]."""
