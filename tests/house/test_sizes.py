@@ -34,7 +34,8 @@ LIMITS = {
     # 45 lines put elastic balls on rings, since rough ones do not roll.
     # 375 lines write surfaces.
     # 45 lines make bodies of several outlines.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 39_815),
+    # 265 lines are for bodies within surfaces of triangles.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_085),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     "command line": (("python/hybridmpm/cli/**.py",), 2_930),
@@ -91,7 +92,8 @@ LIMITS = {
     # 155 lines measure in lessons, draw the pictures of the gallery, and slow streams down.
     # 120 lines close surfaces, and weigh them.
     # 50 lines fill bodies of several outlines.
-    "tests": (("tests/**.py",), 36_450),
+    # 100 lines fill surfaces of triangles, and refuse open ones.
+    "tests": (("tests/**.py",), 36_555),
     "tests of the laboratory": (("tests/lab/**.py",), 2_010),
 }
 """Patterns of git, and the most lines of the files that they match."""

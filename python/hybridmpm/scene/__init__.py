@@ -1,7 +1,7 @@
 """Scenes: bodies, obstacles, openings and materials in a box, and the particles that fill them."""
 
 from hybridmpm.scene import plain_data
-from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Polygon
+from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Mesh, Polygon
 from hybridmpm.scene.materials import Elastic, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
 from hybridmpm.scene.obstacles import (
@@ -40,6 +40,7 @@ __all__ = [
     "Emitter",
     "HalfSpaceObstacle",
     "Material",
+    "Mesh",
     "Motion",
     "Obstacle",
     "ParticleLimitWarning",

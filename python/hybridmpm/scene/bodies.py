@@ -4,19 +4,22 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from hybridmpm._support.arguments import float64
-from hybridmpm.errors import ConfigError
-from hybridmpm.scene.fields import Point, Points, Seed, Velocity
+from hybridmpm._support.arguments import float64, real
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.scene import meshes
+from hybridmpm.scene.fields import LONGEST, Point, Points, Seed, Velocity, raise_faults
 from hybridmpm.scene.materials import Material
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
 
 _MOST_CORNERS = 1000
+_MOST_TRIANGLES = 200_000
 _LEVELS = 16
 """Number of heights between two corners of a polygon at which its width is taken."""
 
@@ -200,4 +203,107 @@ class Polygon(_Body):
         return inside
 
 
-Body = Annotated[Box | Ball | Cylinder | Polygon, Field(discriminator="shape")]
+class Mesh(_Body):
+    """What a closed surface of triangles encloses, 3D only. The surface must not cross itself."""
+
+    shape: Literal["mesh"] = "mesh"
+    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=_MOST_TRIANGLES)] = Field(
+        description="Corners of the triangles, 3 coordinates each [m]."
+    )
+    triangles: Annotated[
+        tuple[Annotated[tuple[int, ...], Field(min_length=3, max_length=3)], ...],
+        Field(min_length=4, max_length=_MOST_TRIANGLES),
+    ] = Field(description="Indices of three vertices each, all of them the same way round.")
+
+    @model_validator(mode="after")
+    def _encloses(self) -> Self:
+        flat = [index for index, vertex in enumerate(self.vertices) if len(vertex) != 3]
+        if flat:
+            raise_faults("Mesh", [(("vertices", flat[0]), "must have 3 numbers; a mesh is for dim 3 only")])
+        highest = len(self.vertices) - 1
+        for number, corners in enumerate(self.triangles):
+            if min(corners) < 0 or max(corners) > highest:
+                text = f"must be indices in [0, {highest}], got {list(corners)}"
+                raise_faults("Mesh", [(("triangles", number), text)])
+        raise_faults("Mesh", meshes.faults(*self._arrays()))
+        return self
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        center: Sequence[float],
+        height: float,
+        *,
+        material: Material | str,
+        velocity: Sequence[float] | None = None,
+        seed: int = 0,
+    ) -> Self:
+        """Return the body within the surface of a file, .stl, .obj, .ply or .glb, as of modelling programs.
+
+        The body has the surface itself, so scenes and snapshots need the file no more. Vertices at the same
+        place count as one. Axes stay as they are in the file; y is up.
+
+        Parameters
+        ----------
+        path : path
+            File with at most 200 000 triangles.
+        center : float (3,)
+            Middle of the box around the surface [m].
+        height : float in [1e-6, 4096]
+            Length of that box along y [m].
+        material, velocity, seed
+            As of any body.
+
+        Raises
+        ------
+        ConfigError
+            trimesh is not installed (pip install 'hybridmpm[shapes]'), or the ending is another one.
+        DataError
+            The file cannot be read, or has no triangles.
+        SceneError
+            The surface is not closed, the message names open edges, or a value is out of range.
+        """
+        vertices, triangles = meshes.read(Path(path))
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        if not high[1] > low[1]:
+            raise DataError(f"{path}: the surface has no height, along y")
+        scale = real("height", height, 1e-6, LONGEST) / (high[1] - low[1])
+        placed = (vertices - (low + high) / 2) * scale + float64("center", center)
+        fields = {"vertices": placed.tolist(), "triangles": triangles.tolist(), "material": material}
+        return cls.model_validate(fields | {"velocity": velocity, "seed": seed})
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """Return the velocity; vertices have three numbers in any case."""
+        return {} if self.velocity is None else {"velocity": self.velocity}
+
+    def _arrays(self) -> tuple[Points, meshes.Triangles]:
+        return np.array(self.vertices), np.array(self.triangles)
+
+    @property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box [m]."""
+        corners = np.array(self.vertices)
+        return corners.min(axis=0), corners.max(axis=0)
+
+    @property
+    def measure(self) -> float:
+        """Volume [m^3]."""
+        return abs(meshes.volume(*self._arrays()))
+
+    @property
+    def smallest_extent(self) -> float:
+        """Height [m] of the square plate with this volume and area of the surface: a thin one may bend."""
+        return meshes.thickness(*self._arrays())
+
+    @property
+    def tests_of_a_point(self) -> float:
+        """Mean number of triangles that `contains` tests a point against."""
+        return meshes.tests_of_a_point(*self._arrays())
+
+    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
+        """Whether points (N, 3) lie inside; shape (N,)."""
+        return meshes.contains(*self._arrays(), _points(x, 3))
+
+
+Body = Annotated[Box | Ball | Cylinder | Polygon | Mesh, Field(discriminator="shape")]

@@ -42,8 +42,9 @@ _ROUNDING = 1e-9
 MIN_CELLS_BETWEEN_WALLS = 4
 """Smallest distance [cells] of opposite walls, so that no grid node interacts with both."""
 _SHAPES_OF_ONE_DIMENSION = {
-    ("bodies", "polygon"): (2, "box, ball and cylinder"),
+    ("bodies", "polygon"): (2, "box, ball, cylinder and mesh"),
     ("bodies", "cylinder"): (3, "box, ball and polygon"),
+    ("bodies", "mesh"): (3, "box, ball and polygon"),
     ("obstacles", "cylinder"): (3, "segment, box, ball and half_space"),
 }
 """The dimension of shapes that have only one, and the shapes of the other dimension."""

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from hybridmpm import Scene, SceneError
 from hybridmpm.checking import Finding
 from hybridmpm.mpm import frame_cost
-from hybridmpm.scene import Motion
+from hybridmpm.scene import Body, Motion
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
@@ -22,6 +22,8 @@ _SEARCH_SHARE, _SEARCH_CELLS = 1 / 3, 2.0
 """Share of the nodes that a search for the nodes near a moving obstacle tests, and its motion in between."""
 _LAYERS = 4
 """Fewest layers of all emitters that a scene of the largest number of particles has room for."""
+_MESH_TESTS = 30
+"""Tests that take as long as one of a point against a triangle of a mesh, about 0.3 us."""
 _CHECK_POINTS = 20_000
 """Largest number of points of a body that its findings test."""
 
@@ -41,10 +43,14 @@ def building_cost(scene: Scene) -> float:
     tests = nodes * still + search_cost(scene)
     for index, (body, count) in enumerate(zip(scene.bodies, sites, strict=True)):
         points = min(count, _CHECK_POINTS)
-        corners = len(getattr(body, "vertices", ()))
+        corners = _MESH_TESTS * body.tests_of_a_point if body.shape == "mesh" else _corners(body)
         # Its sites, those of earlier bodies that are merged with them, and the points of its findings.
         tests += count * (5 + corners) + filled + (min(count, filled) + points) * solids + points * index
     return tests
+
+
+def _corners(body: Body) -> int:
+    return len(body.vertices) if body.shape == "polygon" else 0
 
 
 def search_cost(scene: Scene) -> float:

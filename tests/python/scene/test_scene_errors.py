@@ -53,7 +53,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ("speed", 1, "speed: unknown field"),
         ("bodies", [], "bodies: must have 1 or more items, got 0; only a scene with emitters needs none"),
         ("bodies.0", 5, "bodies[0]: must be a name or an object with named fields, got 5"),
-        ("bodies.0.shape", "cone", "bodies[0]: … 'box', 'ball', 'cylinder', 'polygon', got 'cone'"),
+        ("bodies.0.shape", "cone", "bodies[0]: … 'box', 'ball', 'cylinder', 'polygon', 'mesh', got 'cone'"),
         ("bodies.0.color", "red", "bodies[0].color: unknown field"),
         ("bodies.0.velocity", [0, 51], "bodies[0].velocity[1]: must be in [-50, 50] m/s, got 51"),
         ("bodies.0.upper", [0.4, 0.1], "bodies[0].upper[1]: must be above lower[1] = 0.2, got 0.1"),

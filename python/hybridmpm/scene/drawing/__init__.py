@@ -62,7 +62,8 @@ def _body(body: Body) -> str:
         return _circle(body.center, body.radius, style)
     if body.shape == "cylinder":
         return _cylinder(body.start, body.end, body.radius, style)
-    return _rectangle(body.lower, body.upper, style)
+    lower, upper = body.bounds
+    return _rectangle(tuple(lower.tolist()), tuple(upper.tolist()), style)
 
 
 def _obstacle(obstacle: Obstacle) -> str:

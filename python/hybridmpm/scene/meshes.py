@@ -1,0 +1,182 @@
+"""Closed surfaces of triangles: faults, volume, and which points are inside."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.scene.fields import Fault, Points
+
+Triangles = npt.NDArray[np.int64]
+"""Indices (T, 3) of vertices."""
+
+_NAMED = 3
+"""Number of open edges that a message names."""
+_MOST_CELLS = 1024
+"""Most cells along an axis of the grid in which points are sorted."""
+_PAIRS_AT_ONCE = 2_000_000
+"""Number of pairs of a triangle and a point that are tested at once, which bounds the memory."""
+
+
+_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
+
+
+def read(path: Path) -> tuple[Points, Triangles]:
+    """Return vertices (V, 3) and triangles (T, 3) of a file; each place has one vertex.
+
+    Raises
+    ------
+    ConfigError
+        trimesh is not installed, or the ending of the file is none of these.
+    DataError
+        The file cannot be read, or has no triangles.
+    """
+    try:
+        import trimesh  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise ConfigError("reading a surface needs trimesh: pip install 'hybridmpm[shapes]'") from None
+    if path.suffix.lower() not in _SUFFIXES:
+        raise ConfigError(f"files of surfaces end in {', '.join(_SUFFIXES)}; got {path.name!r}")
+    try:
+        found = trimesh.load_mesh(path, process=False)
+        vertices = np.asarray(found.vertices, dtype=np.float64)
+        triangles = np.asarray(found.faces, dtype=np.int64).reshape(-1, 3)
+    except Exception as error:  # noqa: BLE001 - readers of damaged files raise whatever comes
+        raise DataError(f"{path} cannot be read as a surface: {error}") from None
+    if not len(triangles) or not np.isfinite(vertices).all():
+        raise DataError(f"{path} has no triangles with finite vertices")
+    places, index = np.unique(vertices[triangles.ravel()], axis=0, return_inverse=True)
+    corners = index.reshape(-1, 3)
+    # A triangle with two corners at one place has no area, and its other edges cancel.
+    flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
+    return places, corners[~flat]
+
+
+def faults(vertices: Points, triangles: Triangles) -> list[Fault]:
+    """List why triangles (T, 3) of vertices (V, 3) enclose nothing: open edges come first."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends, side = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    forward = np.bincount(side.ravel(), edges[:, 0] < edges[:, 1], len(ends))
+    uses = np.bincount(side.ravel(), minlength=len(ends))
+    bad = np.flatnonzero(uses % 2 == 1)
+    if len(bad):
+        named = "; ".join(_edge(vertices, ends[edge]) for edge in bad[:_NAMED])
+        more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
+        text = f"must be closed, but have {len(bad)} open edges: {named}{more}; close the holes"
+        return [(("triangles",), text)]
+    bad = np.flatnonzero(2 * forward != uses)
+    if len(bad):
+        text = f"must turn the same way round, but not those at {_edge(vertices, ends[bad[0]])}"
+        return [(("triangles",), text)]
+    if not abs(volume(vertices, triangles)) > 0:
+        return [(("triangles",), "must enclose a volume")]
+    return []
+
+
+def _edge(vertices: Points, ends: npt.NDArray[np.int64]) -> str:
+    places = " to ".join("({:.4g}, {:.4g}, {:.4g})".format(*vertices[end]) for end in ends)
+    return f"vertices {ends[0]} and {ends[1]}, {places} m"
+
+
+def volume(vertices: Points, triangles: Triangles) -> float:
+    """Return the volume inside [m^3] by the divergence theorem; below 0 where the surface is inside out."""
+    a, b, c = (vertices[triangles[:, corner]] - vertices[0] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+
+
+def area(vertices: Points, triangles: Triangles) -> float:
+    """Return the area of the surface [m^2]."""
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+
+
+def thickness(vertices: Points, triangles: Triangles) -> float:
+    """Return the height [m] of the square plate, at most a cube, with this volume and area of the surface."""
+    inside, outside = abs(volume(vertices, triangles)), area(vertices, triangles)
+    low, high = 0.0, inside ** (1 / 3)
+    for _ in range(60):
+        middle = (low + high) / 2
+        # A plate of this height; the thinner it is, the larger is its surface.
+        if 2 * inside / middle + 4 * np.sqrt(inside * middle) > outside:
+            low = middle
+        else:
+            high = middle
+    return float(high)
+
+
+def tests_of_a_point(vertices: Points, triangles: Triangles) -> float:
+    """Return the mean number of triangles that `contains` tests a point against."""
+    flat = vertices[triangles][:, :, :2]
+    rectangles = np.prod(flat.max(axis=1) - flat.min(axis=1), axis=1).sum()
+    return 1.0 + float(rectangles / np.prod(np.ptp(flat.reshape(-1, 2), axis=0)))
+
+
+def contains(vertices: Points, triangles: Triangles, x: Points) -> npt.NDArray[np.bool_]:
+    """Return whether points (N, 3) are inside: where a ray along z crosses an odd number of triangles."""
+    odd = np.zeros(len(x), dtype=bool)
+    for triangle, point in _near(vertices, triangles, x):
+        corners = vertices[triangles[triangle]]
+        px, py = x[point, 0], x[point, 1]
+        within = np.zeros(len(point), dtype=bool)
+        for one, other in ((0, 1), (1, 2), (2, 0)):
+            # An edge has the same rounding in both of its triangles, so that no ray passes between them.
+            swap = triangles[triangle, one] > triangles[triangle, other]
+            a = np.where(swap[:, None], corners[:, other], corners[:, one])
+            b = np.where(swap[:, None], corners[:, one], corners[:, other])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                across = a[:, 0] + (py - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+            within ^= ((a[:, 1] <= py) != (b[:, 1] <= py)) & (px < across)
+        corners, crossed = corners[within], point[within]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        offset = x[crossed] - corners[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            above = (normal * offset).sum(axis=1) / normal[:, 2] < 0
+        odd ^= np.bincount(crossed[above], minlength=len(x)) % 2 == 1
+    return odd
+
+
+def _near(
+    vertices: Points, triangles: Triangles, x: Points
+) -> Iterator[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]:
+    """Yield pairs of triangles and points whose places along x and y may agree, as two arrays of indices."""
+    if not len(x):
+        return
+    lower, upper = x[:, :2].min(axis=0), x[:, :2].max(axis=0)
+    count = int(np.clip(np.sqrt(len(x)), 1, _MOST_CELLS))
+    size = np.maximum(upper - lower, 1e-12) / count
+    cells = np.minimum(((x[:, :2] - lower) / size).astype(np.int64), count - 1)
+    cell = cells[:, 0] * count + cells[:, 1]
+    order = np.argsort(cell, kind="stable")
+    first = np.searchsorted(cell[order], np.arange(count * count + 1))
+    flat = vertices[triangles][:, :, :2]
+    least, most = flat.min(axis=1), flat.max(axis=1)
+    # Rounding keeps the order of places, so that the cells of a triangle have all points within its bounds.
+    start = np.clip(np.floor((least - lower) / size), 0, count - 1).astype(np.int64)
+    stop = np.clip(np.floor((most - lower) / size), 0, count - 1).astype(np.int64) + 1
+    apart = (most < lower).any(axis=1) | (least > upper).any(axis=1)
+    rows = np.where(apart, 0, stop[:, 0] - start[:, 0])
+    owner = np.repeat(np.arange(len(triangles)), rows)
+    row = start[owner, 0] + _counted(rows)
+    # The cells of a row follow each other, and so do their points.
+    begin = first[row * count + start[owner, 1]]
+    points = first[row * count + stop[owner, 1]] - begin
+    ends = np.cumsum(points)
+    cuts = np.searchsorted(
+        ends, np.arange(0, int(ends[-1]) if len(ends) else 0, _PAIRS_AT_ONCE), side="right"
+    )
+    for low, high in zip(cuts, [*cuts[1:], len(points)], strict=True):
+        some = points[low:high]
+        triangle = np.repeat(owner[low:high], some)
+        point = order[np.repeat(begin[low:high], some) + _counted(some)]
+        px, py = x[point, 0], x[point, 1]
+        near = (px >= least[triangle, 0]) & (px <= most[triangle, 0])
+        near &= (py >= least[triangle, 1]) & (py <= most[triangle, 1])
+        yield triangle[near], point[near]
+
+
+def _counted(lengths: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return 0, 1, ... for each of some runs of these lengths, one after another."""
+    ends = np.cumsum(lengths)
+    return np.arange(int(ends[-1]) if len(ends) else 0) - np.repeat(ends - lengths, lengths)
