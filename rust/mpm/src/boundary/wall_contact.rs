@@ -421,29 +421,38 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
             mass: [[0.0; LANES]; 3],
             v: [[[0.0; LANES]; 3]; N],
         };
+        let place = |step: usize, k: usize| starts[k].wrapping_add_signed(steps[step]);
+        // A second chunk that is missing is the first once more, to be left out.
+        let chunks = |step: usize| {
+            [place(step, 0), place(step, found - 1)].map(|start| {
+                let chunk = &nodes[start..start + CHUNK];
+                chunk.try_into().expect("a chunk")
+            })
+        };
         for step in 0..3 {
-            let place = |k: usize| starts[k].wrapping_add_signed(steps[step]);
             if SIDE_BY_SIDE == CHUNK {
-                // A second chunk that is missing is the first once more, to be left out.
-                let chunks = [place(0), place(found - 1)].map(|start| {
-                    let chunk = &nodes[start..start + CHUNK];
-                    chunk.try_into().expect("a chunk")
-                });
-                lines.mass[step] = Q::column(chunks, 3);
-                for k in 0..N {
-                    lines.v[k][step] = Q::column(chunks, axes[k]);
-                }
+                lines.mass[step] = Q::column(chunks(step), 3);
             } else {
                 for lane in 0..found {
-                    let node = nodes[place(lane)].as_array();
-                    lines.mass[step][lane] = node[3];
-                    for k in 0..N {
-                        lines.v[k][step][lane] = node[axes[k]];
+                    lines.mass[step][lane] = nodes[place(step, lane)].as_array()[3];
+                }
+            }
+        }
+        // In a splash most lines do not touch: their velocities are not read.
+        if !lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE) {
+            return;
+        }
+        for step in 0..3 {
+            for k in 0..N {
+                if SIDE_BY_SIDE == CHUNK {
+                    lines.v[k][step] = Q::column(chunks(step), axes[k]);
+                } else {
+                    for lane in 0..found {
+                        lines.v[k][step][lane] = nodes[place(step, lane)].as_array()[axes[k]];
                     }
                 }
             }
         }
-        lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE);
         let mut mu = [0.0; LANES];
         if N > 1 {
             for lane in 0..found * SIDE_BY_SIDE {
@@ -591,16 +600,20 @@ struct LineNodes<const N: usize> {
 }
 
 impl<const N: usize> LineNodes<N> {
-    /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
+    /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`. Returns
+    /// whether any are left.
     #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, touching: Touch, count: usize) {
+    fn leave_out_what_does_not_touch(&mut self, touching: Touch, count: usize) -> bool {
         let [_, middle, inner] = self.mass;
+        let mut any = false;
         for i in 0..LANES {
             let touches = middle[i] > SMALLEST_MASS && touching.touches(middle[i], inner[i]);
             for mass in &mut self.mass {
                 mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
             }
+            any |= touches & (i < count);
         }
+        any
     }
 
     /// Speeds at which the material may come nearer [m/s].
