@@ -97,7 +97,6 @@ STALE = {
     "batch": "of solver version 4; wants an idle machine",
     "tradeoff": "MPM without networks is of solver version 4; an hour, times on an idle machine",
     "stability-map": "its networks were trained anew",
-    "control": "ovals behind posts are of solver version 4; three hours of an idle machine",
 }
 """Results that are known to be stale, with the reason why nobody can make them today."""
 

@@ -31,9 +31,9 @@ export function pointOf(svg, view, event) {
 
 function shapeOf(view, { record }) {
   const { to, scale } = view;
-  if (record.lower !== undefined) {
-    const [left, bottom] = to(record.lower);
-    const [right, top] = to(record.upper);
+  // Of a surface of triangles its box is shown.
+  if (record.lower !== undefined || record.triangles !== undefined) {
+    const [[left, bottom], [right, top]] = boundsOf({ record }).map((place) => to(place));
     return element("rect", { x: left, y: top, width: Math.max(right - left, 6), height: Math.max(bottom - top, 6) });
   }
   if (record.center !== undefined) {
@@ -45,7 +45,7 @@ function shapeOf(view, { record }) {
     return element("line", { x1, y1, x2, y2, "stroke-width": Math.max(record.thickness * scale, 8), "stroke-linecap": "round" });
   }
   const points = record.points ?? record.vertices ?? halfSpace(record);
-  return element("polygon", { points: points.map((p) => to(p).join(",")).join(" ") });
+  return element("polygon", { points: points.map((p) => to(p).join(",")).join(" "), "fill-rule": "evenodd" });
 }
 
 /** A large quadrilateral on the solid side of a half-space. */
