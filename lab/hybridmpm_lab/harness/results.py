@@ -92,7 +92,6 @@ STALE = {
     "models": _SAME_BITS,
     "hybrid": _SAME_BITS,
     "hybrid-worst": _SAME_BITS,
-    "service": _SAME_BITS,
     "mpm": "of solver version 4; half an hour of an idle machine",
     "batch": "of solver version 4; wants an idle machine",
     "tradeoff": "MPM without networks is of solver version 4; an hour, times on an idle machine",
