@@ -93,7 +93,8 @@ LIMITS = {
     # 120 lines close surfaces, and weigh them.
     # 50 lines fill bodies of several outlines.
     # 100 lines fill surfaces of triangles, and refuse open ones.
-    "tests": (("tests/**.py",), 36_555),
+    # 10 lines are for goals that a method does not fill.
+    "tests": (("tests/**.py",), 36_570),
     "tests of the laboratory": (("tests/lab/**.py",), 2_010),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -1,7 +1,5 @@
 """What a first and a second visit of the page cost on a slow line: times, requests and bytes in Chromium."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,7 +7,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Browser, BrowserContext, sync_playwright
 
-from hybridmpm.errors import ConfigError
+from hybridmpm_lab.harness.browser import launched
 from hybridmpm_lab.service.server import Server, running
 
 LINES: dict[str, dict[str, float] | None] = {
@@ -70,12 +68,8 @@ def visits(repeats: int) -> Iterator[tuple[str, float, str, float | None]]:
     ConfigError
         There is no Chromium.
     """
-    chromium = os.environ.get("HYBRIDMPM_CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
-        raise ConfigError("no Chromium found: install Debian's package chromium or set HYBRIDMPM_CHROMIUM")
-    flags = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     with running() as server, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=flags)
+        browser = launched(playwright)
         for line, limits in LINES.items():
             found: dict[str, list[dict[str, float]]] = {"first visit": [], "second visit": []}
             for _ in range(repeats):

@@ -1,7 +1,5 @@
 """Speed of pages that play in Chromium, beside the native solver on one thread."""
 
-import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from hybridmpm import ConfigError, MpmSolver, Scene, play, scenarios
+from hybridmpm import MpmSolver, Scene, play, scenarios
+from hybridmpm_lab.harness.browser import launched
 from hybridmpm_lab.harness.command import Measurement, measured, scenarios_setting, setting
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.timing import TimedCall, seconds_by_turns
@@ -65,11 +64,8 @@ def measure(settings: PlayingSettings, on_progress: Progress) -> Iterator[Row]:
     ConfigError
         There is no Chromium.
     """
-    chromium = os.environ.get("HYBRIDMPM_CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
-        raise ConfigError("no Chromium found: install Debian's package chromium or set HYBRIDMPM_CHROMIUM")
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
+        browser = launched(playwright)
         for name, scene, level in settings.scenes:
             file = Path(folder) / f"{name}.html"
             solver = MpmSolver(scene, coarse=level)

@@ -1,5 +1,6 @@
 """A simulator that follows a sketch: frame by frame, to be ended at any time, and what comes out."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,7 @@ from hybridmpm import (
 )
 from hybridmpm import control as controls
 from hybridmpm.control import METHODS, Arrow, Ellipse, follow, prepare, push
+from hybridmpm.control.trajectory import SketchResult
 
 OVAL = Ellipse(np.array([0.6, 0.6]), np.array([0.1, 0.075]), 0.4)
 ARROW = Arrow(np.array([[0.3, 0.3], [0.5, 0.5]]))
@@ -292,3 +294,11 @@ def test_an_oval_behind_an_obstacle_is_filled_around_it() -> None:
         shares[method] = follow(solver, oval, method, frames=120).run().reached.inside or 0.0
     assert shares["analytic"] > 0.85
     assert shares["constant"] < 0.3
+
+
+def test_a_goal_that_a_method_does_not_fill_is_reached_by_its_middle() -> None:
+    filled = SketchResult(inside=0.4, inside_drawn=None, miss=0.001, rms=1.0, peak=2.0, near=0.01)
+    assert not filled.goal
+    led = dataclasses.replace(filled, fills=False)
+    assert led.goal
+    assert not dataclasses.replace(led, miss=0.02).goal
