@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -166,7 +167,7 @@ def test_a_whole_block_ends_before_its_signal_and_a_second_one_ends_it() -> None
 
 def test_a_signal_while_handlers_are_given_back_leaves_none_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     """The signal comes after the first handler is back, and before the others are."""
-    give, heard = signal.signal, []
+    give, heard = sys.modules["_signal"].signal, []
 
     def give_and_press(number: int, handler: object) -> object:
         before = give(number, handler)  # type: ignore[arg-type]
@@ -177,7 +178,7 @@ def test_a_signal_while_handlers_are_given_back_leaves_none_behind(monkeypatch: 
     before = give(signal.SIGTERM, lambda number, _frame: heard.append(number))
     try:
         with monkeypatch.context() as patch:
-            patch.setattr(signal, "signal", give_and_press)
+            patch.setattr("_signal.signal", give_and_press)
             with pytest.raises(KeyboardInterrupt), signals.whole():
                 pass
         signal.raise_signal(signal.SIGTERM)
