@@ -14,4 +14,4 @@ pub use error::ThreadError;
 pub use pool::Pool;
 pub use steps::Step;
 pub use team::Team;
-pub use watch::{interrupted, is_watched, watched};
+pub use watch::{interrupted, watched};

@@ -30,7 +30,7 @@ impl Drop for Back {
 }
 
 /// Whether this thread's work is watched.
-pub fn is_watched() -> bool {
+pub(crate) fn is_watched() -> bool {
     POLL.with_borrow(Option::is_some)
 }
 

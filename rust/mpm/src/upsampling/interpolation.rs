@@ -11,19 +11,25 @@ use threads::Team;
 /// Sum of weights on nodes with mass [-] above which a particle follows the field.
 const SUPPORT: f32 = 1.0e-3;
 
-/// Moves particles by a field of displacements over `dt` [s]; particles away from nodes with mass fly freely.
+/// Writes particles `from` moved by a field of displacements over `dt` [s]; those away from nodes with mass fly freely.
 pub fn advect<const D: usize>(
-    blocks: &mut [Block<D>],
+    from: &[Block<D>],
+    to: &mut Vec<Block<D>>,
     field: &Field<D>,
     gravity: &Vector<D>,
     dt: f32,
     team: &Team,
 ) {
-    let share = blocks.len().div_ceil(4 * team.size()).max(1);
-    let mut parts: Vec<_> = blocks.chunks_mut(share).collect();
-    team.for_each(&mut parts, |blocks| {
+    if to.len() != from.len() {
+        to.clear();
+        to.extend_from_slice(from);
+    }
+    let share = from.len().div_ceil(4 * team.size()).max(1);
+    let mut parts: Vec<_> = from.chunks(share).zip(to.chunks_mut(share)).collect();
+    team.for_each(&mut parts, |(from, to)| {
         run_wide(Advect {
-            blocks,
+            from,
+            to,
             field,
             gravity: *gravity,
             dt,
@@ -32,7 +38,8 @@ pub fn advect<const D: usize>(
 }
 
 struct Advect<'a, const D: usize> {
-    blocks: &'a mut [Block<D>],
+    from: &'a [Block<D>],
+    to: &'a mut [Block<D>],
     field: &'a Field<D>,
     gravity: Vector<D>,
     dt: f32,
@@ -44,21 +51,22 @@ impl<const D: usize> Kernel for Advect<'_, D> {
     #[inline(always)]
     fn run<Q: Quad>(self) {
         let (dt, rate) = (self.dt, 1.0 / self.dt);
-        for block in self.blocks {
-            let (motion, support) = motion_at::<Q, D>(self.field, &block.x);
+        for (from, to) in self.from.iter().zip(self.to) {
+            let (motion, support) = motion_at::<Q, D>(self.field, &from.x);
+            *to = *from;
             for axis in 0..D {
                 let gain = self.gravity[axis] * dt;
                 for i in 0..LANES {
                     let is_supported = support[i] > SUPPORT;
-                    let flight = (block.v[axis][i] + 0.5 * gain) * dt;
+                    let flight = (from.v[axis][i] + 0.5 * gain) * dt;
                     let shift = if is_supported {
                         motion[axis][i]
                     } else {
                         flight
                     };
-                    let v = block.v[axis][i] + gain;
-                    block.x[axis][i] += shift;
-                    block.v[axis][i] = if is_supported { shift * rate } else { v };
+                    let v = from.v[axis][i] + gain;
+                    to.x[axis][i] = from.x[axis][i] + shift;
+                    to.v[axis][i] = if is_supported { shift * rate } else { v };
                 }
             }
         }

@@ -25,16 +25,19 @@ impl<const D: usize> Surfaces<D> {
     /// Put onto the walls themselves, particles that pass two walls at once would end in one point, and density
     /// relaxation could not separate them.
     pub fn keep_between_walls(&self, block: &mut Block<D>) {
-        let mut outside = false;
+        let mut outside = [false; LANES];
         for axis in 0..D {
             let (lower, upper) = (self.walls.lower[axis], self.walls.upper[axis]);
-            for x in block.x[axis] {
-                outside |= !(x >= lower && x <= upper);
+            for i in 0..LANES {
+                let x = block.x[axis][i];
+                outside[i] |= !(x >= lower && x <= upper);
             }
         }
-        if outside {
+        if outside.iter().fold(false, |any, &out| any | out) {
             for lane in 0..LANES {
-                self.put_back(block, lane);
+                if outside[lane] {
+                    self.put_back(block, lane);
+                }
             }
         }
     }

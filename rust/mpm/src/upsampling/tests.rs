@@ -58,8 +58,8 @@ fn check_affine<const D: usize>() {
     // The second field must not contain the first.
     for matrix in [matrix, -matrix] {
         field.scatter(&samples(matrix));
-        let mut shown = blocks(&start);
-        advect(&mut shown, &field, &gravity, 0.01, &team);
+        let mut shown = Vec::new();
+        advect(&blocks(&start), &mut shown, &field, &gravity, 0.01, &team);
         for (before, after) in start.iter().zip(particles(&shown, 100)) {
             let shift =
                 Vector::from_element(0.01) + matrix * (before.x - Vector::from_element(0.5));
@@ -80,9 +80,9 @@ fn particles_away_from_coarse_ones_fly_freely() {
     let mut field = Field::<2>::new(Layout::unit(RESOLUTION));
     field.scatter(&samples(Matrix::zeros()));
     let (team, gravity) = (Team::new(1).unwrap(), Vector::<2>::new(0.0, -10.0));
-    let mut far = blocks(&scattered::<2>(20, 0.8, 0.02));
-    let before = far[0].position(3);
-    advect(&mut far, &field, &gravity, 0.1, &team);
+    let (start, mut far) = (blocks(&scattered::<2>(20, 0.8, 0.02)), Vec::new());
+    let before = start[0].position(3);
+    advect(&start, &mut far, &field, &gravity, 0.1, &team);
     let (moved, v) = (far[0].position(3) - before, far[0].velocity(3));
     assert!((moved - Vector::<2>::new(0.05, 0.05 - 0.05)).norm() < 1.0e-6);
     assert!((v - Vector::<2>::new(0.5, 0.5 - 1.0)).norm() < 1.0e-6);
@@ -178,8 +178,8 @@ fn bits_depend_neither_on_threads_nor_on_instructions() {
             let mut field = Field::<3>::new(Layout::unit(RESOLUTION));
             field.scatter(&samples(Matrix::from_element(0.03)));
             let team = Team::new(threads).unwrap();
-            let mut shown = blocks(&dense);
-            advect(&mut shown, &field, &Vector::from_element(-1.0), 0.01, &team);
+            let (gravity, mut shown) = (Vector::from_element(-1.0), Vec::new());
+            advect(&blocks(&dense), &mut shown, &field, &gravity, 0.01, &team);
             let moved = relaxed(&particles(&shown, dense.len()), threads);
             let bits = |p: &Shown<3>| (p.x.map(f32::to_bits), p.v.map(f32::to_bits));
             results.push(moved.iter().map(bits).collect::<Vec<_>>());

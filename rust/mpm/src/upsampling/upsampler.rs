@@ -15,11 +15,11 @@ use crate::boundary::Obstacles;
 use crate::error::MpmError;
 use crate::grid::Layout;
 use crate::initial::{Particles, check_particles};
-use crate::linalg::{LANES, Vector};
+use crate::linalg::{LANES, Lanes, Vector};
 use crate::openings::{EmitterStatus, Population};
 use crate::settings::{SolverSettings, check_grid};
 use serde::{Deserialize, Serialize};
-use threads::{Team, interrupted, is_watched};
+use threads::{Team, interrupted};
 
 /// Frames from one update to the next in a scene without emitters and sinks.
 const UPDATE_EVERY: u64 = 4;
@@ -78,7 +78,7 @@ pub struct Upsampler<const D: usize> {
     state: UpsamplerState<D>,
     /// Frame after the latest update, and the particles computed for it.
     cache: Option<(u64, Vec<Block<D>>)>,
-    /// Particles before the update in progress, where that may be interrupted; kept to reuse its memory.
+    /// Particles before the latest update, for one that is interrupted; also kept to reuse its memory.
     before: Vec<Block<D>>,
 }
 
@@ -184,13 +184,11 @@ impl<const D: usize> Upsampler<D> {
     /// On an error, which an update that is `interrupted` ends with, the state is the one before.
     pub fn update(&mut self, coarse: &CoarseParticles<'_>, frame: u64) -> Result<(), MpmError> {
         coarse.check::<D>()?;
-        if is_watched() {
-            self.before.clone_from(&self.state.blocks);
-        }
-        let mut blocks = std::mem::take(&mut self.state.blocks);
-        let moved = self.advect_to(&mut blocks, coarse, frame);
-        self.state.blocks = blocks;
-        moved?;
+        let mut moved = std::mem::take(&mut self.before);
+        let done = self.advect_to(&mut moved, coarse, frame);
+        self.before = moved;
+        done?;
+        std::mem::swap(&mut self.state.blocks, &mut self.before);
         self.cache = None;
         if frame.is_multiple_of(UPDATE_EVERY) {
             if frame.is_multiple_of(CORRECT_EVERY) {
@@ -198,7 +196,9 @@ impl<const D: usize> Upsampler<D> {
             }
             self.relax();
         } else {
-            confine(&self.surfaces, &mut self.state.blocks, &self.team);
+            let mut blocks = std::mem::take(&mut self.state.blocks);
+            self.keep_outside_obstacles(&mut blocks);
+            self.state.blocks = blocks;
         }
         if interrupted() {
             std::mem::swap(&mut self.state.blocks, &mut self.before);
@@ -228,7 +228,7 @@ impl<const D: usize> Upsampler<D> {
         out: &mut [f32],
     ) -> Result<(), MpmError> {
         let blocks = self.at_frame(coarse, frame)?;
-        write(blocks, out, Block::position);
+        write(blocks, out, |block| &block.x);
         Ok(())
     }
 
@@ -254,7 +254,7 @@ impl<const D: usize> Upsampler<D> {
             self.constants.affine_share,
         ));
         interpolate_velocities(&mut blocks, &self.field, &self.team);
-        write(&blocks, out, Block::velocity);
+        write(&blocks, out, |block| &block.v);
         Ok(())
     }
 
@@ -348,18 +348,17 @@ impl<const D: usize> Upsampler<D> {
                 .cache
                 .take()
                 .map_or_else(Vec::new, |(_, blocks)| blocks);
-            blocks.clone_from(&self.state.blocks);
             self.advect_to(&mut blocks, coarse, frame)?;
-            confine(&self.surfaces, &mut blocks, &self.team);
+            self.keep_outside_obstacles(&mut blocks);
             self.cache = Some((frame, blocks));
         }
         Ok(&self.cache.as_ref().expect("just computed").1)
     }
 
-    /// Moves particles from the latest update to the end of a later frame.
+    /// Writes particles at the end of a frame after the latest update, between the walls.
     fn advect_to(
         &mut self,
-        blocks: &mut [Block<D>],
+        blocks: &mut Vec<Block<D>>,
         coarse: &CoarseParticles<'_>,
         frame: u64,
     ) -> Result<(), MpmError> {
@@ -374,15 +373,24 @@ impl<const D: usize> Upsampler<D> {
                 .previous
                 .samples(coarse, dt, self.constants.affine_share),
         );
-        advect(blocks, &self.field, &self.settings.gravity, dt, &self.team);
         // Obstacles are placed by the number of the frame.
         let time = frame as f64 * f64::from(self.settings.frame_dt);
         self.surfaces.obstacles.move_to(time, dt);
+        let gravity = &self.settings.gravity;
+        let (from, field) = (&self.state.blocks, &self.field);
+        advect(from, blocks, field, gravity, dt, &self.team);
         let surfaces = &self.surfaces;
         for_blocks(blocks, &self.team, |block| {
             surfaces.keep_between_walls(block);
         });
         Ok(())
+    }
+
+    /// Moves particles out of obstacles, if there are any.
+    fn keep_outside_obstacles(&self, blocks: &mut [Block<D>]) {
+        if self.surfaces.obstacles.any() {
+            confine(&self.surfaces, blocks, &self.team);
+        }
     }
 }
 
@@ -405,10 +413,14 @@ fn for_blocks<const D: usize>(
 fn write<const D: usize>(
     blocks: &[Block<D>],
     out: &mut [f32],
-    vector: impl Fn(&Block<D>, usize) -> Vector<D>,
+    vectors: impl Fn(&Block<D>) -> &[Lanes; D],
 ) {
-    for (index, out) in out.chunks_exact_mut(D).enumerate() {
-        let value = vector(&blocks[index / LANES], index % LANES);
-        out.copy_from_slice(value.as_slice());
+    for (block, out) in blocks.iter().zip(out.chunks_mut(LANES * D)) {
+        let vectors = vectors(block);
+        for (lane, out) in out.chunks_exact_mut(D).enumerate() {
+            for axis in 0..D {
+                out[axis] = vectors[axis][lane];
+            }
+        }
     }
 }
