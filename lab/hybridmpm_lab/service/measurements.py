@@ -26,6 +26,7 @@ from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.line import ages
 from hybridmpm_lab.service.server import Server, running
+from hybridmpm_lab.service.sockets import arrivals
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 from hybridmpm_lab.service.visit import visits
 
@@ -52,7 +53,7 @@ class ServiceSettings:
     """Size and length of the measurements."""
 
     part: tuple[str, ...] = setting(
-        PARTS, "Part of the measurement.", (*PARTS, "door", "sizes", "visit", "attacks", "kills")
+        PARTS, "Part of the measurement.", (*PARTS, "sockets", "door", "sizes", "visit", "attacks", "kills")
     )
     sessions: tuple[int, ...] = setting(
         (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
@@ -101,6 +102,7 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
                     yield from asyncio.run(part(server))
                 on_progress(1)
     rare: dict[str, Callable[[], Iterator[Row]]] = {
+        "sockets": lambda: iter(by_sockets(max(settings.sessions), seconds)),
         "restart": lambda: iter(restart(settings.kept, seconds)),
         "door": lambda: door(settings.calls),
         "sizes": lambda: sizes(seconds),
@@ -153,6 +155,17 @@ async def frame_intervals(server: Server, crowd: tuple[int, int], seconds: float
         for share, limit in ((50, None), (95, None), (99, aim))
     ]
     return [*rows, _row("load of the viewers", load, "cores", None, crowd)]
+
+
+def by_sockets(sessions: int, seconds: float) -> list[Row]:
+    """Measure the intervals of frames as clients see them that only read bytes."""
+    with running() as server:
+        times = [1e3 * np.diff(ends) for ends in arrivals(server, _bodies(sessions), _SPEED, seconds)]
+    values = zip((50, 95, 99), np.percentile(np.concatenate(times), (50, 95, 99)), strict=True)
+    crowd = (sessions, 1)
+    return [
+        _row(f"frame interval by plain sockets p{share}", value, "ms", None, crowd) for share, value in values
+    ]
 
 
 async def real_time(server: Server, seconds: float) -> list[Row]:

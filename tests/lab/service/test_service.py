@@ -38,13 +38,14 @@ def run(file: Path, *options: str) -> dict[tuple[str, int, int], float | None]:
 
 
 def test_a_small_twin_of_the_measurement(tmp_path: Path) -> None:
-    parts = ["--part", "intervals", "--part", "push", "--part", "hostile"]
+    parts = [word for name in ("intervals", "sockets", "push", "hostile") for word in ("--part", name)]
     sizes = ["--sessions", "2", "--viewers", "3", "--seconds", "0.2", "--repeats", "1"]
     figures: Any = run(tmp_path / "service.json", *parts, *sizes)
     for crowd in ((2, 1), (1, 3)):
         p50, p95, p99 = (figures[f"frame interval p{share}", *crowd] for share in (50, 95, 99))
         assert 0 < p50 <= p95 <= p99
         assert figures["load of the viewers", *crowd] > 0
+    assert figures["frame interval by plain sockets p99", 2, 1] > 0
     assert (
         0 < figures["push to moved particles, p50", 1, 1] <= figures["push to moved particles, worst", 1, 1]
     )
