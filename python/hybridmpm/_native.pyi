@@ -106,7 +106,7 @@ class SnapshotError(SimulationError, ValueError):
 
 @final
 class Material:
-    """Constitutive model and its constants. Build one with `water`, `sand` or `elastic`."""
+    """Constitutive model and its constants. Build one with `water`, `liquid`, `sand` or `elastic`."""
 
     @staticmethod
     def water(
@@ -136,6 +136,38 @@ class Material:
         volume_correction : bool
             Whether J is led back to the room that a particle takes; without it J is what the divergence alone
             makes of it.
+        """
+
+    @staticmethod
+    def liquid(
+        *,
+        density: float,
+        bulk_modulus: float,
+        viscosity: float,
+        yield_stress: float = 0.0,
+        flow_index: float = 1.0,
+        tension: float = 0.25,
+        wall_friction: float = 10.0,
+        volume_correction: bool = True,
+    ) -> Material:
+        """Liquid of Herschel and Bulkley: at a shear rate g its shear stress is tau_y + K g^n.
+
+        Its pressure is that of water. The rest of its stress builds up as in an elastic solid of shear
+        modulus G = lambda / 2 and relaxes by the law (Saramito 2007), within K / G for n = 1. So no viscosity
+        needs shorter substeps than water of this bulk modulus.
+
+        Parameters
+        ----------
+        density, bulk_modulus, tension, volume_correction
+            As of `water`.
+        viscosity : float > 0
+            K [Pa s^n].
+        yield_stress : float >= 0
+            tau_y [Pa].
+        flow_index : float in [0.2, 2]
+            n [-].
+        wall_friction : float >= 0
+            Coulomb coefficient against box walls and obstacles that name none; with 10 nothing slips.
         """
 
     @staticmethod

@@ -153,7 +153,7 @@ class Simulator(ABC):
     @property
     @abstractmethod
     def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop); a snapshot, read-only."""
+        """Particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid; a snapshot, read-only."""
 
     @property
     @abstractmethod

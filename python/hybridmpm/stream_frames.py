@@ -34,7 +34,7 @@ class Population:
     ids: npt.NDArray[np.uint32]
     """Numbers (N,) that the particles keep, modulo 2^32; who stays keeps its order, new ones are last."""
     types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -35,7 +35,8 @@ LIMITS = {
     # 375 lines write surfaces.
     # 45 lines make bodies of several outlines.
     # 265 lines are for bodies within surfaces of triangles.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_085),
+    # 230 lines are for viscous liquids and their bounds.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_320),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     "command line": (("python/hybridmpm/cli/**.py",), 2_930),
@@ -50,7 +51,8 @@ LIMITS = {
     # 210 lines time what keys and a proxy add to a call, and measure what sessions take.
     # 245 lines open the page on a slow line, and tell how old its frames are there.
     # 60 lines time the sums of forces; 130 are a client of plain sockets.
-    "laboratory": (("lab/**.py",), 9_700),
+    # 170 lines let viscous liquids flow.
+    "laboratory": (("lab/**.py",), 9_870),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -94,7 +96,8 @@ LIMITS = {
     # 50 lines fill bodies of several outlines.
     # 100 lines fill surfaces of triangles, and refuse open ones.
     # 10 lines are for goals that a method does not fill.
-    "tests": (("tests/**.py",), 36_570),
+    # 200 lines let viscous liquids flow.
+    "tests": (("tests/**.py",), 36_775),
     "tests of the laboratory": (("tests/lab/**.py",), 2_010),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -24,6 +24,7 @@ from hybridmpm_lab.validation import (
     sliding_block,
     stability_limit,
     torricelli,
+    viscous_flow,
 )
 from hybridmpm_lab.validation.case import Check, Result
 
@@ -41,6 +42,7 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "sliding_block": lambda: sliding_block.run((32,)),
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),
+    "viscous_flow": lambda: viscous_flow.run((64,), 3.0),
 }
 """Cases without their finest grids or longest runs, to save time; the command runs them in full."""
 

@@ -24,6 +24,7 @@ from hybridmpm_lab.validation import (
     stability_limit,
     standing_wave,
     torricelli,
+    viscous_flow,
 )
 from hybridmpm_lab.validation.case import Result
 
@@ -44,6 +45,7 @@ CASES: dict[str, Callable[[], Result]] = {
     "rotation": rotation.run,
     "colliding_discs": colliding_discs.run,
     "free_fall": free_fall.run,
+    "viscous_flow": viscous_flow.run,
     "stability_limit": stability_limit.run,
 }
 """Cases at full length by name, in the order of the page."""

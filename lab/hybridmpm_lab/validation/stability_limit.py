@@ -10,12 +10,14 @@ import numpy as np
 
 from hybridmpm import _core
 from hybridmpm.errors import SimulationError
-from hybridmpm.scene import Elastic, Sand, Water
+from hybridmpm.scene import Elastic, Liquid, Sand, Water
 from hybridmpm_lab.validation.case import Check, Curve, Panel, Result
 
 MARGIN = 1.5
 """Least limit over the default CFL number."""
-MATERIALS: dict[str, _core.Material] = {one.kind: one.to_native(1.0) for one in (Water(), Sand(), Elastic())}
+MATERIALS: dict[str, _core.Material] = {
+    one.kind: one.to_native(1.0) for one in (Water(), Sand(), Elastic(), Liquid(viscosity=1e3))
+}
 STRESSES = ("splash", "alone", "alone, deformed")
 """Cases by name; the last is not judged."""
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hybridmpm.checking.geometry import of_geometry
+from hybridmpm.checking.liquids import of_liquids
 from hybridmpm.checking.matter import of_matter
 from hybridmpm.checking.openings import of_openings
 from hybridmpm.checking.probe import Probe, probe, probe_scene
@@ -22,7 +23,7 @@ from hybridmpm.simulator import Simulator, checked_simulator
 _SEVERITIES = ("error", "warning", "note")
 _NODE_BYTES = 16
 """Memory of a grid node [bytes]: momentum and mass."""
-_PARTICLE_BYTES = {"water": 380, "sand": 780, "elastic": 780}
+_PARTICLE_BYTES = {"water": 380, "liquid": 560, "sand": 780, "elastic": 780}
 """Memory of a particle with its state before the frame and what a frame needs, by material [bytes]."""
 _BASE_BYTES = 60 * 2**20
 """Memory of a process that has imported the library [bytes]."""
@@ -123,7 +124,13 @@ def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]
     """
     cells = resolution or scene.resolution
     return _most_severe_first(
-        [*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells), *of_speed(scene)]
+        [
+            *of_geometry(scene),
+            *of_openings(scene),
+            *of_matter(scene, cells),
+            *of_liquids(scene, cells),
+            *of_speed(scene),
+        ]
     )
 
 

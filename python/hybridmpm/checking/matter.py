@@ -6,7 +6,7 @@ from hybridmpm._core import MAX_SUBSTEPS
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import cfl_substeps
 from hybridmpm.mpm.scene_warnings import SOFT, settled_compression
-from hybridmpm.scene import Scene, Water
+from hybridmpm.scene import Fluid, Scene
 
 COSTLY = 3.0
 """Note materials that need this many times the substeps of the others."""
@@ -39,9 +39,9 @@ def _kept(scene: Scene) -> Iterator[Finding]:
 def _soft(scene: Scene) -> Iterator[Finding]:
     for material in scene.materials:
         compression = settled_compression(scene, material)
-        asked_for = isinstance(material, Water) and material.max_compression is not None
+        asked_for = isinstance(material, Fluid) and material.max_compression is not None
         if compression > SOFT and not asked_for:
-            or_so = ", or give max_compression" if isinstance(material, Water) else ""
+            or_so = ", or give max_compression" if isinstance(material, Fluid) else ""
             yield Finding(
                 severity="warning",
                 field=scene.made_of(material),

@@ -22,7 +22,7 @@ class Particles:
     velocities: npt.NDArray[np.float32]
     """Velocities (N, D) [m/s]."""
     types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: npt.NDArray[np.uint64]
     """Numbers (N,) that the particles keep."""
 

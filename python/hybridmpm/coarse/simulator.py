@@ -69,7 +69,7 @@ class CoarseSimulator(Simulator):
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop); a snapshot, read-only."""
+        """Particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid; a snapshot, read-only."""
         types = np.array([material.type_id for material in self.scene.materials], dtype=np.uint8)
         return _read_only(types[self._shown.material])
 

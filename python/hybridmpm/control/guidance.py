@@ -296,9 +296,9 @@ def prepare(
         the fluid's volume.
     who : optional
         Who is led, all particles by default; on the others no force acts. The index of a body in
-        `scene.bodies`; a material, "water", "sand" or "elastic"; an `Ellipse`, for the particles in it, or an
-        `Arrow`, for those within 2 % of the world's longest side of its line, in the front view; a stroke as
-        `parse_strokes` takes it; or {"particle": number}, the body of a particle, by its number in
+        `scene.bodies`; a material, "water", "sand", "elastic" or "liquid"; an `Ellipse`, for the particles in
+        it, or an `Arrow`, for those within 2 % of the world's longest side of its line, in the front view; a
+        stroke as `parse_strokes` takes it; or {"particle": number}, the body of a particle, by its number in
         `Simulator.ids`.
     gentle : bool
         Whether a goal out of reach is approached at ease, as near as that leads: with at most 5 g, or the

@@ -12,7 +12,7 @@ from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
 from hybridmpm.errors import DataError
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Fluid, Scene
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS
 from hybridmpm.scene.particle_types import NAMES
 from hybridmpm.scene.plain_data import from_json
@@ -165,7 +165,7 @@ def _materials(scenes: Sequence[Scene]) -> list[dict[str, Any]]:
     for scene in scenes:
         for material in scene.materials:
             constants = material.model_dump(exclude_none=True)
-            if material.kind == "water" and material.max_compression is None:
+            if isinstance(material, Fluid) and material.max_compression is None:
                 constants.setdefault("bulk_modulus", REFERENCE_BULK_MODULUS)
             distinct.setdefault(json.dumps(constants), constants)
     return list(distinct.values())[:_MATERIALS]

@@ -45,7 +45,7 @@ class Trajectory:
     positions: Floats
     """Positions (F, N, D) [m], the start first."""
     types: npt.NDArray[np.int64]
-    """DeepMind's particle types (N,): 0 rigid, 3 kinematic, 5 water, 6 sand, 7 goop."""
+    """DeepMind's particle types (N,): 0 rigid, 3 kinematic, 5 water, 6 sand, 7 goop, 8 liquid."""
     force: Floats | None = None
     """External acceleration besides gravity (F - 1, N, D) [m/s^2]; row t acts from state t to t + 1."""
     mass: Floats | None = None

@@ -23,13 +23,14 @@ _RAMPS: dict[int, tuple[tuple[float, float, float], ...]] = {
     5: ((0.05, 0.24, 0.58), (0.09, 0.45, 0.85), (0.30, 0.70, 0.98), (0.80, 0.95, 1.00)),
     6: ((0.66, 0.47, 0.22), (0.78, 0.58, 0.29), (0.89, 0.70, 0.39), (0.97, 0.84, 0.56)),
     7: ((0.10, 0.42, 0.24), (0.16, 0.58, 0.32), (0.34, 0.75, 0.42), (0.70, 0.93, 0.62)),
+    8: ((0.42, 0.20, 0.04), (0.66, 0.34, 0.06), (0.88, 0.55, 0.12), (1.00, 0.80, 0.42)),
 }
 
 
 def by_speed(kind: int, speed: npt.NDArray[np.floating]) -> Colors:
     """Return the colours (..., 3) of a particle type at speeds (...) [m/s].
 
-    Types are 0 rigid, 3 kinematic, 5 water, 6 sand and 7 elastic.
+    Types are 0 rigid, 3 kinematic, 5 water, 6 sand, 7 elastic and 8 viscous liquid.
     """
     ramp = np.array(_RAMPS[kind], dtype=np.float32)
     stops = np.linspace(0.0, FAST, len(ramp))

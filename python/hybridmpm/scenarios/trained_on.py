@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from hybridmpm.errors import ConfigError
 from hybridmpm.scenarios.scenarios import get
-from hybridmpm.scene import Material, Scene, Water
+from hybridmpm.scene import Fluid, Material, Scene
 
 _SHARED = ("dim", "frame_dt", "spacing", "lower", "upper", "gravity")
 """Properties that all scenes of a training must share."""
@@ -17,7 +17,7 @@ _MARGIN, _NEAR = 0.1, 0.01
 within: a scene drawn from the same ranges may lie somewhat beyond those of the training."""
 REFERENCE_DENSITY = 1000.0
 """Density [kg/m^3] at which constants are compared where all of a scene's materials have the same one."""
-_PER_DENSITY = ("density", "youngs_modulus", "bulk_modulus")
+_PER_DENSITY = ("density", "youngs_modulus", "bulk_modulus", "viscosity", "yield_stress")
 """Constants that scale with it: matter of one density moves by its stiffness over its density alone."""
 
 
@@ -157,7 +157,7 @@ def constants(material: Material, scene: Scene) -> dict[str, float]:
     moves the same with them.
     """
     numbers = material.model_dump(exclude={"kind", "bulk_modulus", "max_compression"})
-    if isinstance(material, Water):
+    if isinstance(material, Fluid):
         numbers["bulk_modulus"] = material.stiffness(scene.potential_drop)
     factor = _factor(material, scene)
     return {name: number * (factor if name in _PER_DENSITY else 1.0) for name, number in numbers.items()}

@@ -2,7 +2,7 @@
 
 from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Mesh, Polygon
-from hybridmpm.scene.materials import Elastic, Material, Sand, Water
+from hybridmpm.scene.materials import LIQUIDS, Elastic, Fluid, Liquid, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
 from hybridmpm.scene.obstacles import (
     BallObstacle,
@@ -27,6 +27,7 @@ from hybridmpm.scene.walls import Wall, WallFaces, Walls
 from hybridmpm.scene.world import World
 
 __all__ = [
+    "LIQUIDS",
     "Ball",
     "BallObstacle",
     "BallSink",
@@ -38,7 +39,9 @@ __all__ = [
     "CylinderObstacle",
     "Elastic",
     "Emitter",
+    "Fluid",
     "HalfSpaceObstacle",
+    "Liquid",
     "Material",
     "Mesh",
     "Motion",

@@ -1,11 +1,13 @@
-"""Materials of bodies: the constants of water, sand and elastic solids, with their ranges.
+"""Materials of bodies: the constants of water, viscous liquids, sand and elastic solids, with their ranges.
 
 The default constants are those of the engine that the paper used (taichi_elements), here called the
 reference materials. Sand alone has its density and stiffness 1.6 times as high, so that it moves the same
 and sinks in water. Type ids are DeepMind's particle types of "Learning to Simulate" (arXiv:2002.09405).
 """
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -21,49 +23,42 @@ PoissonRatio = Annotated[float, Range(-1, 0.5, open_low=True, open_high=True)]
 Friction = Annotated[float, Range(0, 10)]
 
 
-class Water(Record):
-    """Weakly compressible fluid with Cauchy pressure p = lambda (1 - J).
+class Fluid(Record):
+    """Fields and stiffness that water and viscous liquids have in common: Cauchy pressure p = lambda (1 - J).
 
     The stiffness comes from one of two fields. `bulk_modulus` is lambda itself. `max_compression` c is the
-    largest compression of water at rest, so lambda = rho g h / c. Here h is the height of the highest
-    water at the start above the floor of the walls, because settled water is never deeper. Impacts may
-    compress the water by more than c. With neither field, lambda is `REFERENCE_BULK_MODULUS`.
+    largest compression of the fluid at rest, so lambda = rho g h / c. Here h is the height of the highest
+    fluid at the start above the floor of the walls, because what has settled is never deeper. Impacts may
+    compress the fluid by more than c. With neither field, lambda is `REFERENCE_BULK_MODULUS`.
     """
 
-    kind: Literal["water"] = "water"
+    kind: str
     density: Density = Field(1000.0, description="Rest density [kg/m^3].")
     bulk_modulus: Modulus | None = Field(
         None, description="Bulk modulus lambda [Pa]; 277778 if max_compression is absent, too."
     )
     max_compression: Annotated[float, Range(0, 0.5, open_low=True)] | None = Field(
         None,
-        description="Largest compression 1 - J of the water at rest [-]. The bulk modulus then follows from "
-        "the height of the scene's water. Not together with bulk_modulus.",
+        description="Largest compression 1 - J of the fluid at rest [-]. The bulk modulus then follows from "
+        "the height of the scene's fluids. Not together with bulk_modulus.",
     )
     tension: Annotated[float, Range(0, 1)] = Field(
-        0.25, description="Factor on the stress of stretched water, J > 1 [-]; 0 allows no tension."
+        0.25, description="Factor on the pressure of stretched fluid, J > 1 [-]; 0 allows no tension."
     )
-    wall_friction: Friction = Field(
-        0.0, description="Coulomb coefficient of the water against walls and obstacles [-]."
-    )
+    wall_friction: Friction
     volume_correction: bool = Field(
         default=True,
         description="Whether a particle's J is led back to the room that it takes, where the two disagree.",
     )
 
     @model_validator(mode="after")
-    def _one_stiffness(self) -> "Water":
+    def _one_stiffness(self) -> Self:
         if self.bulk_modulus is not None and self.max_compression is not None:
             raise ValueError("give bulk_modulus or max_compression, not both")
         return self
 
-    @property
-    def type_id(self) -> int:
-        """DeepMind's number of this particle type."""
-        return 5
-
     def stiffness(self, potential_drop: float) -> float:
-        """Return the bulk modulus lambda [Pa] that this water has in a scene.
+        """Return the bulk modulus lambda [Pa] that this fluid has in a scene.
 
         Parameters
         ----------
@@ -74,10 +69,24 @@ class Water(Record):
             return self.density * potential_drop / self.max_compression
         return REFERENCE_BULK_MODULUS if self.bulk_modulus is None else self.bulk_modulus
 
-    def softened(self, factor: float, potential_drop: float) -> "Water":
-        """Return water of `factor` times the bulk modulus; `potential_drop` as in `stiffness`."""
+    def softened(self, factor: float, potential_drop: float) -> Self:
+        """Return fluid of `factor` times the bulk modulus; `potential_drop` as in `stiffness`."""
         softer = factor * self.stiffness(potential_drop)
         return self.model_copy(update={"bulk_modulus": softer, "max_compression": None})
+
+
+class Water(Fluid):
+    """Weakly compressible fluid without viscosity."""
+
+    kind: Literal["water"] = "water"
+    wall_friction: Friction = Field(
+        0.0, description="Coulomb coefficient of the water against walls and obstacles [-]."
+    )
+
+    @property
+    def type_id(self) -> int:
+        """DeepMind's number of this particle type."""
+        return 5
 
     def to_native(self, potential_drop: float) -> _core.Material:
         """Build the core's material; `potential_drop` as in `stiffness`."""
@@ -88,6 +97,64 @@ class Water(Record):
             wall_friction=self.wall_friction,
             volume_correction=self.volume_correction,
         )
+
+
+class Liquid(Fluid):
+    """Weakly compressible liquid that flows by the law of Herschel and Bulkley (1926), tau = tau_y + K g^n.
+
+    Here tau is the shear stress [Pa] and g the shear rate [1/s]. Stresses below tau_y do not make the liquid
+    flow. With n = 1 it is Newtonian, or a Bingham liquid if tau_y > 0; with n < 1 it thins as it is sheared.
+    """
+
+    kind: Literal["liquid"] = "liquid"
+    viscosity: Annotated[float, Range(0, 1e9, "Pa s^n", open_low=True)] = Field(
+        1.0, description="Viscosity K [Pa s]; with another flow_index than 1 the consistency [Pa s^n]."
+    )
+    yield_stress: Annotated[float, Range(0, 1e9, "Pa")] = Field(
+        0.0, description="Shear stress tau_y [Pa] up to which it does not flow."
+    )
+    flow_index: Annotated[float, Range(0.2, 2)] = Field(
+        1.0,
+        description="Exponent n of the shear rate [-]; below 1 it thins as it is sheared, above it thickens.",
+    )
+    wall_friction: Friction = Field(
+        10.0,
+        description="Coulomb coefficient of the liquid against walls and obstacles [-]; with 10 it does not "
+        "slip on what it is pressed on.",
+    )
+
+    @property
+    def type_id(self) -> int:
+        """Number of this particle type: the first that DeepMind's types, 0 to 7, leave free."""
+        return 8
+
+    def to_native(self, potential_drop: float) -> _core.Material:
+        """Build the core's material; `potential_drop` as in `stiffness`."""
+        return _core.Material.liquid(
+            density=self.density,
+            bulk_modulus=self.stiffness(potential_drop),
+            viscosity=self.viscosity,
+            yield_stress=self.yield_stress,
+            flow_index=self.flow_index,
+            tension=self.tension,
+            wall_friction=self.wall_friction,
+            volume_correction=self.volume_correction,
+        )
+
+
+LIQUIDS: Mapping[str, Liquid] = MappingProxyType(
+    {
+        # Clover honey with 16 % of water at 20 C: Bogdanov, "Physical properties of honey", 2011.
+        "honey": Liquid(density=1420.0, viscosity=19.0),
+        # Olive oil at 20 C: CRC Handbook of Chemistry and Physics; density of Codex Stan 33-1981.
+        "oil": Liquid(density=913.0, viscosity=0.084),
+        # "Aspen pit 1", 35 % of solids by volume: O'Brien and Julien, J. Hydraul. Eng. 114, 1988, table 2.
+        "mud": Liquid(density=1580.0, viscosity=8.2, yield_stress=146.0),
+        # Basalt at 1130 C, Makaopuhi lava lake: Shaw et al., Am. J. Sci. 266, 1968.
+        "lava": Liquid(density=2700.0, viscosity=700.0, yield_stress=100.0),
+    }
+)
+"""Liquids by name, with published constants; a scene may name them as materials."""
 
 
 class Sand(Record):
@@ -163,9 +230,14 @@ class Elastic(Record):
 
 
 def _from_name(value: object) -> object:
-    """Return {"kind": "water"} for "water"."""
-    return {"kind": value} if isinstance(value, str) else value
+    """Return {"kind": "water"} for "water", and for "honey" the liquid of that name."""
+    if isinstance(value, str):
+        return LIQUIDS.get(value, {"kind": value})
+    return value
 
 
-Material = Annotated[Water | Sand | Elastic, Field(discriminator="kind"), BeforeValidator(_from_name)]
-"""A material object; its kind alone ("water") is the reference material of this kind."""
+Material = Annotated[
+    Water | Liquid | Sand | Elastic, Field(discriminator="kind"), BeforeValidator(_from_name)
+]
+"""A material object; its kind alone ("water") is the reference material of this kind, and a name of `LIQUIDS`
+("honey") is that liquid."""

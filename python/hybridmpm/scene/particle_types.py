@@ -1,8 +1,9 @@
 """Numbers of the particle types, which mean different things to different projects.
 
 Within the library the numbers are DeepMind's (Sanchez-Gonzalez et al. 2020): 0 rigid, 3 kinematic, 5 water,
-6 sand, 7 goop. LagrangeBench (`NodeType` in its utils.py) has 0 fluid, 1 wall, 2 moving wall, 3 rigid. So a
-ramp, which is 3 to DeepMind, would fall like a rigid body if LagrangeBench read it without translation.
+6 sand, 7 goop; 8, a viscous liquid, is ours. LagrangeBench (`NodeType` in its utils.py) has 0 fluid, 1 wall,
+2 moving wall, 3 rigid. So a ramp, which is 3 to DeepMind, would fall like a rigid body if LagrangeBench read
+it without translation.
 """
 
 from collections.abc import Mapping
@@ -11,20 +12,28 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.errors import DataError
-from hybridmpm.scene.materials import Elastic, Sand, Water
+from hybridmpm.scene.materials import Elastic, Liquid, Sand, Water
 
 RIGID, KINEMATIC = 0, 3
-WATER, SAND, GOOP = (Water().type_id, Sand().type_id, Elastic().type_id)
+WATER, SAND, GOOP, LIQUID = (one.type_id for one in (Water(), Sand(), Elastic(), Liquid()))
 NAMES: Mapping[int, str] = {
     RIGID: "rigid",
     KINEMATIC: "kinematic",
     WATER: "water",
     SAND: "sand",
     GOOP: "goop",
+    LIQUID: "liquid",
 }
 
 UNCHANGED: Mapping[int, int] = {number: number for number in NAMES}
-TO_LAGRANGEBENCH: Mapping[int, int] = {RIGID: 3, KINEMATIC: 1, WATER: 0, SAND: SAND, GOOP: GOOP}
+TO_LAGRANGEBENCH: Mapping[int, int] = {
+    RIGID: 3,
+    KINEMATIC: 1,
+    WATER: 0,
+    SAND: SAND,
+    GOOP: GOOP,
+    LIQUID: LIQUID,
+}
 FROM_LAGRANGEBENCH: Mapping[int, int] = {
     0: WATER,
     1: KINEMATIC,
@@ -32,6 +41,7 @@ FROM_LAGRANGEBENCH: Mapping[int, int] = {
     3: RIGID,
     SAND: SAND,
     GOOP: GOOP,
+    LIQUID: LIQUID,
 }
 
 

@@ -82,7 +82,7 @@ class Particles:
     material: npt.NDArray[np.uint8]
     """Index (N,) of each particle's material in `Scene.materials`."""
     types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     body: npt.NDArray[np.int32]
     """Index (N,) of each particle's body in `Scene.bodies`."""
     mass: npt.NDArray[np.float32]

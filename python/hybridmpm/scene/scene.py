@@ -18,7 +18,7 @@ from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.drawing import svg
 from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
-from hybridmpm.scene.materials import Friction, Material, Water
+from hybridmpm.scene.materials import Fluid, Friction, Material
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
 from hybridmpm.scene.sampling import Particles, sample
@@ -236,8 +236,8 @@ class Scene(Record):
         return faults
 
     def _stiffness_faults(self, where: tuple[str | int, ...], material: Material) -> list[Fault]:
-        if isinstance(material, Water) and material.max_compression and self.potential_drop <= 0:
-            return [((*where, "material", "water", "max_compression"), "needs gravity above 0")]
+        if isinstance(material, Fluid) and material.max_compression and self.potential_drop <= 0:
+            return [((*where, "material", material.kind, "max_compression"), "needs gravity above 0")]
         return []
 
     @property
@@ -301,18 +301,18 @@ class Scene(Record):
 
     @property
     def potential_drop(self) -> float:
-        """Product g h [m^2/s^2], where h is the height of the highest water above the floor; 0 without water.
+        """Product g h [m^2/s^2], where h is the height of the highest fluid above the floor; 0 without one.
 
         Up is against gravity, whatever its direction. The product is the largest g . x in the box of the
-        walls minus the smallest in the bounding boxes of the bodies and openings of water.
+        walls minus the smallest in the bounding boxes of the bodies and openings of water and liquids.
         """
         parts = (*self.bodies, *self.emitters)
-        water = [part.bounds for part in parts if isinstance(part.material, Water)]
-        if not water:
+        fluid = [part.bounds for part in parts if isinstance(part.material, Fluid)]
+        if not fluid:
             return 0.0
         gravity = np.array(self.gravity)
         floor = np.maximum(gravity * self.walls.lower, gravity * self.walls.upper).sum()
-        top = min(np.minimum(gravity * lower, gravity * upper).sum() for lower, upper in water)
+        top = min(np.minimum(gravity * lower, gravity * upper).sum() for lower, upper in fluid)
         return float(floor - top)
 
     def thin_obstacles(self) -> list[str]:

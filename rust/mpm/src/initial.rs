@@ -49,6 +49,9 @@ pub(crate) fn group<const D: usize>(
         };
         match material.model {
             Model::Water(model) => groups.push(MaterialGroup::Water(part.select(model, particles))),
+            Model::Liquid(model) => {
+                groups.push(MaterialGroup::Liquid(part.select(model, particles)));
+            }
             Model::Sand(model) => groups.push(MaterialGroup::Sand(part.select(model, particles))),
             Model::Elastic(model) => {
                 for body in elastic_bodies(settings, particles, index) {

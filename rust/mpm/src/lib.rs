@@ -1,4 +1,4 @@
-//! MLS-MPM (Hu et al. 2018) for water, sand and elastic solids in 2D and 3D, on the CPU.
+//! MLS-MPM (Hu et al. 2018) for water, viscous liquids, sand and elastic solids in 2D and 3D, on the CPU.
 //!
 //! A substep clears the grid and runs `p2g`, `grid_update` and `g2p`, each in the file of that name under `substep`. Every
 //! 5 ms of simulated time `volume` compares the volumes of particles with the space that they occupy. The dimension D, 2 or

@@ -412,7 +412,7 @@ class ParticlesBody(Answer):
     velocities: list[list[float]]
     """Velocities; [particle][axis] [m/s]."""
     types: list[int]
-    """Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop)."""
+    """Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: list[int]
     """Permanent number of each particle, ascending; new particles have larger ones."""
 

@@ -235,7 +235,7 @@ export interface KeyframeRecord {
   /** Number of frames for which the goal is kept. */
   hold?: number;
   /** Particles that are led to it, as of a sketch, chosen in the state at the start. */
-  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+  who?: number | "water" | "sand" | "elastic" | "liquid" | OfParticle | Stroke | null;
 }
 
 export interface KeyframeRequest {
@@ -248,7 +248,7 @@ export interface KeyframeRequest {
   /** Number of frames for which the goal is kept. */
   hold?: number;
   /** Particles that are led to it, as of a sketch, chosen in the state at the start. */
-  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+  who?: number | "water" | "sand" | "elastic" | "liquid" | OfParticle | Stroke | null;
 }
 
 export interface LastFrame {
@@ -288,7 +288,7 @@ export interface LimitedSettings {
   /** Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid (shrink). */
   fill?: "even" | "shrink";
   /** Particles that the sketch leads, all of them if absent: the index of a body, a material, the body of a particle, or the particles under a stroke. */
-  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+  who?: number | "water" | "sand" | "elastic" | "liquid" | OfParticle | Stroke | null;
   /** Seed of random numbers of a method. */
   seed?: number;
   /** Largest number of frames, above that of `hold`. */
@@ -431,7 +431,7 @@ export interface ParticlesBody {
   positions: number[][];
   /** Velocities; [particle][axis] [m/s]. */
   velocities: number[][];
-  /** Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop). */
+  /** Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid. */
   types: number[];
   /** Permanent number of each particle, ascending; new particles have larger ones. */
   ids: number[];
@@ -723,7 +723,7 @@ export interface SketchRequest {
   /** Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid (shrink). */
   fill?: "even" | "shrink";
   /** Particles that the sketch leads, all of them if absent: the index of a body, a material, the body of a particle, or the particles under a stroke. */
-  who?: number | "water" | "sand" | "elastic" | OfParticle | Stroke | null;
+  who?: number | "water" | "sand" | "elastic" | "liquid" | OfParticle | Stroke | null;
   /** Seed of random numbers of a method. */
   seed?: number;
   /** Strokes of the sketch: exactly one. */

@@ -90,7 +90,7 @@ export interface Particles {
   positions: Float32Array;
   /** N x dim [m/s]. */
   velocities: Float32Array;
-  /** 5 water, 6 sand, 7 elastic. */
+  /** 5 water, 6 sand, 7 elastic, 8 viscous liquid. */
   types: Uint8Array;
   ids: number[];
 }
@@ -156,7 +156,7 @@ export class Frame {
   readonly dim: 2 | 3;
   /** Ascending, where particles come and go; else null. */
   readonly ids: Uint32Array | null;
-  /** 5 water, 6 sand, 7 elastic. */
+  /** 5 water, 6 sand, 7 elastic, 8 viscous liquid. */
   readonly types: Uint8Array;
   /** Longest side of the world [m]. */
   readonly length: number;

@@ -63,7 +63,7 @@ class OfParticle(Strict):
 
 
 WhoField: TypeAlias = (
-    Annotated[int, Field(ge=0)] | Literal["water", "sand", "elastic"] | OfParticle | Stroke | None
+    Annotated[int, Field(ge=0)] | Literal["water", "sand", "elastic", "liquid"] | OfParticle | Stroke | None
 )
 """Choice of the particles that are led."""
 

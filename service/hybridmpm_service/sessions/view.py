@@ -194,7 +194,7 @@ class Particles:
     velocities: npt.NDArray[np.float32]
     """(N, D) [m/s]."""
     types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: npt.NDArray[np.uint64]
     """Permanent numbers (N,) of the particles, ascending."""
 

@@ -240,3 +240,22 @@ def test_a_simulator_stands_for_its_scene_and_brings_what_its_level_does_not_sui
     assert found.findings == check(made, coarse).findings
     with pytest.raises(ConfigError, match="a simulator is required"):
         check("water_2d")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("material", "problem"),
+    [
+        ("oil", "flows along walls like one of about 3.2 Pa s on this grid"),
+        ("honey", None),
+        ({"kind": "liquid", "viscosity": 2e3}, "its viscosity is so high that it rebounds"),
+        ({"kind": "liquid", "viscosity": 1e3, "bulk_modulus": 2e6}, None),
+        ({"kind": "liquid", "viscosity": 10, "yield_stress": 8e3}, "its yield stress is so high"),
+    ],
+)
+def test_liquids_are_found_where_the_grid_does_not_show_their_law(material: Any, problem: str | None) -> None:
+    found = findings(scene(BLOCK | {"material": material}))
+    if problem is None:
+        assert found == ()
+    else:
+        assert problem in only(found).problem
+        assert only(found).field == "bodies[0]"

@@ -30,7 +30,7 @@ class Cloud:
     weight: Floats
     """Mass of each particle over that of all (N,) [-]."""
     types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic."""
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic, 8 viscous liquid."""
     volume: float
     """Volume of all particles at rest, in 2D their area [m^D]."""
     gravity: Floats

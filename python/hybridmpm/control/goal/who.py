@@ -13,20 +13,20 @@ from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch
 from hybridmpm.control.sketch.strokes import parse_strokes
 from hybridmpm.errors import ConfigError
-from hybridmpm.scene.particle_types import GOOP, SAND, WATER
+from hybridmpm.scene.particle_types import GOOP, LIQUID, SAND, WATER
 from hybridmpm.scene.sampling import sample
 from hybridmpm.simulator import Simulator
 
 Who: TypeAlias = int | str | Sketch | Mapping[str, Any]
 """Particles by their body, their material, or a stroke over them; `prepare` documents the forms."""
 
-MATERIALS = {"water": WATER, "sand": SAND, "elastic": GOOP}
+MATERIALS = {"water": WATER, "sand": SAND, "elastic": GOOP, "liquid": LIQUID}
 """Particle types by the names of the materials."""
 _SAME = 1 + 1e-6
 """Largest ratio of two spacings that are the same but for rounding."""
 _REACH = 0.02
 """Distance within which a line chooses particles, over the longest side of the world."""
-_FORMS = 'must be the index of a body, "water", "sand", "elastic", a stroke or {"particle": number}'
+_FORMS = 'must be the index of a body, "water", "sand", "elastic", "liquid", a stroke or {"particle": number}'
 
 
 def chosen(simulator: Simulator, who: Who | npt.NDArray[np.uint64]) -> npt.NDArray[np.bool_]:

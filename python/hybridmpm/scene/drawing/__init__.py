@@ -10,7 +10,7 @@ from hybridmpm.scene.walls import Walls
 
 _MARGIN = 0.024
 """Distance of the walls from the edge of the drawing [m]."""
-_COLORS = {"water": "#1b7fe0", "sand": "#d1a15a", "elastic": "#3aa05a"}
+_COLORS = {"water": "#1b7fe0", "sand": "#d1a15a", "elastic": "#3aa05a", "liquid": "#c9822a"}
 _OUTSIDE, _INSIDE, _WALL, _SOLID, _OPENING = "#060912", "#0f1b30", "#4d6185", "#78859c", "#d9e4f5"
 
 

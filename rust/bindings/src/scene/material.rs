@@ -45,6 +45,31 @@ impl PyMaterial {
     }
 
     #[staticmethod]
+    #[pyo3(signature = (*, density, bulk_modulus, viscosity, yield_stress=0.0, flow_index=1.0, tension=0.25, wall_friction=10.0, volume_correction=true))]
+    #[expect(clippy::too_many_arguments, reason = "each is a keyword in Python")]
+    fn liquid(
+        density: f32,
+        bulk_modulus: f32,
+        viscosity: f32,
+        yield_stress: f32,
+        flow_index: f32,
+        tension: f32,
+        wall_friction: f32,
+        volume_correction: bool,
+    ) -> PyResult<Self> {
+        let law = [viscosity, yield_stress, flow_index];
+        let material = Material::liquid(
+            density,
+            bulk_modulus,
+            law,
+            tension,
+            wall_friction,
+            volume_correction,
+        );
+        Self::new(material, "liquid")
+    }
+
+    #[staticmethod]
     #[pyo3(signature = (*, density, youngs_modulus, poisson_ratio, friction_angle, wall_friction=0.5, volume_correction=true))]
     fn sand(
         density: f32,

@@ -2,6 +2,7 @@
 
 use super::elastic::Elastic;
 use super::lame::Lame;
+use super::liquid::Liquid;
 use super::sand::Sand;
 use super::water::Water;
 use crate::error::MpmError;
@@ -13,6 +14,7 @@ pub enum Model {
     Water(Water),
     Sand(Sand),
     Elastic(Elastic),
+    Liquid(Liquid),
 }
 
 /// A model, how heavy it is, and how it rubs against walls.
@@ -35,19 +37,37 @@ impl Material {
         wall_friction: f32,
         volume_correction: bool,
     ) -> Result<Self, MpmError> {
-        positive("bulk_modulus", bulk_modulus)?;
-        if !(0.0..=1.0).contains(&tension) {
-            return Err(MpmError::parameter("tension", "in [0, 1]", tension));
+        let water = checked_water(bulk_modulus, tension, volume_correction)?;
+        Self::new(Model::Water(water), density, wall_friction)
+    }
+
+    /// Liquid whose volume behaves as that of water, and which flows by `law`: K [Pa s^n], the yield stress [Pa] and n.
+    pub fn liquid(
+        density: f32,
+        bulk_modulus: f32,
+        law: [f32; 3],
+        tension: f32,
+        wall_friction: f32,
+        volume_correction: bool,
+    ) -> Result<Self, MpmError> {
+        let [viscosity, yield_stress, flow_index] = law;
+        let volume = checked_water(bulk_modulus, tension, volume_correction)?;
+        positive("viscosity", viscosity)?;
+        if !(yield_stress >= 0.0 && yield_stress.is_finite()) {
+            let allowed = "finite and >= 0";
+            return Err(MpmError::parameter("yield_stress", allowed, yield_stress));
         }
-        Self::new(
-            Model::Water(Water {
-                bulk_modulus,
-                tension,
-                volume_correction,
-            }),
-            density,
-            wall_friction,
-        )
+        if !(0.2..=2.0).contains(&flow_index) {
+            let allowed = "in [0.2, 2]";
+            return Err(MpmError::parameter("flow_index", allowed, flow_index));
+        }
+        let liquid = Liquid {
+            volume,
+            viscosity,
+            yield_stress,
+            flow_index,
+        };
+        Self::new(Model::Liquid(liquid), density, wall_friction)
     }
 
     /// Sand; `friction_angle` in degrees.
@@ -118,7 +138,7 @@ impl Material {
     /// lower of 2D and 3D; `python -m hybridmpm_lab validate stability_limit` measures it. Larger fixed steps are refused.
     pub fn cfl_limit(&self) -> f32 {
         match self.model {
-            Model::Water(_) => 0.675,
+            Model::Water(_) | Model::Liquid(_) => 0.675,
             Model::Sand(_) => 1.1,
             Model::Elastic(_) => 0.65,
         }
@@ -128,7 +148,7 @@ impl Material {
     /// alone at twice its rest volume is stable up to 0.3 only.
     pub fn default_cfl(&self) -> f32 {
         match self.model {
-            Model::Water(_) => 0.45,
+            Model::Water(_) | Model::Liquid(_) => 0.45,
             Model::Sand(_) => 0.7,
             Model::Elastic(_) => 0.28,
         }
@@ -136,7 +156,9 @@ impl Material {
 
     fn lame(&self) -> Lame {
         match &self.model {
-            Model::Water(water) => Lame {
+            // At rest a liquid has no shear modulus. That of its stress is below what single particles have against a change
+            // of volume, lambda dim / 2, so it limits no step.
+            Model::Water(water) | Model::Liquid(Liquid { volume: water, .. }) => Lame {
                 mu: 0.0,
                 lambda: water.bulk_modulus,
             },
@@ -151,6 +173,22 @@ fn positive(name: &str, value: f32) -> Result<(), MpmError> {
         return Ok(());
     }
     Err(MpmError::parameter(name, "finite and > 0", value))
+}
+
+fn checked_water(
+    bulk_modulus: f32,
+    tension: f32,
+    volume_correction: bool,
+) -> Result<Water, MpmError> {
+    positive("bulk_modulus", bulk_modulus)?;
+    if !(0.0..=1.0).contains(&tension) {
+        return Err(MpmError::parameter("tension", "in [0, 1]", tension));
+    }
+    Ok(Water {
+        bulk_modulus,
+        tension,
+        volume_correction,
+    })
 }
 
 fn checked_lame(youngs_modulus: f32, poisson_ratio: f32) -> Result<Lame, MpmError> {

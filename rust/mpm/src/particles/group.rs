@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::block::Block;
 use super::particle::{Activity, Particle};
 use crate::linalg::LANES;
-use crate::material::{Constitutive, Elastic, Sand, State, Water};
+use crate::material::{Constitutive, Elastic, Liquid, Sand, State, Water};
 
 /// Blocks in the order of grid rows.
 #[derive(Debug, Clone)]
@@ -214,6 +214,7 @@ pub enum MaterialGroup<const D: usize> {
     Water(Group<D, Water>),
     Sand(Group<D, Sand>),
     Elastic(Group<D, Elastic>),
+    Liquid(Group<D, Liquid>),
 }
 
 /// Runs one expression on two groups of the same material.
@@ -223,6 +224,7 @@ macro_rules! with_both {
             (MaterialGroup::Water($a), MaterialGroup::Water($b)) => $body,
             (MaterialGroup::Sand($a), MaterialGroup::Sand($b)) => $body,
             (MaterialGroup::Elastic($a), MaterialGroup::Elastic($b)) => $body,
+            (MaterialGroup::Liquid($a), MaterialGroup::Liquid($b)) => $body,
             _ => unreachable!("the groups of a solver keep their order"),
         }
     };
@@ -264,6 +266,7 @@ macro_rules! with_group {
             $crate::particles::MaterialGroup::Water($group) => $body,
             $crate::particles::MaterialGroup::Sand($group) => $body,
             $crate::particles::MaterialGroup::Elastic($group) => $body,
+            $crate::particles::MaterialGroup::Liquid($group) => $body,
         }
     };
 }

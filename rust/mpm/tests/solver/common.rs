@@ -21,6 +21,11 @@ pub fn elastic() -> Material {
     Material::elastic(1000.0, 1.0e6, 0.2, 0.5).unwrap()
 }
 
+/// A liquid that thins as it is sheared, from a yield stress on.
+pub fn liquid() -> Material {
+    Material::liquid(1000.0, BULK_MODULUS, [5.0, 20.0, 0.6], 0.25, 10.0, true).unwrap()
+}
+
 /// Settings of the default box: walls at 0.1 and 0.9, gravity along the second axis.
 pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> SolverSettings<D> {
     let contact = Contact {

@@ -1,12 +1,12 @@
 //! The bits of a simulation do not depend on the vector instructions of the processor.
 
-use crate::common::{Bodies, elastic, run, sand, settings, water};
+use crate::common::{Bodies, elastic, liquid, run, sand, settings, water};
 use mpm::{Instructions, Sleep};
 
 /// The state after some frames of two bodies that fall into each other, in each set of instructions.
 fn check<const D: usize>(resolution: usize, transfer_loss: Option<f32>) {
     let cell = 1.0 / resolution as f32;
-    for (lower, upper) in [(water(), sand()), (sand(), elastic())] {
+    for (lower, upper) in [(water(), sand()), (sand(), elastic()), (liquid(), water())] {
         let place = |y: f32| {
             let corner = |high: f32| {
                 std::array::from_fn(|axis| {

@@ -1,14 +1,14 @@
 //! Laws of whole simulations.
 
 use crate::common::{
-    BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities,
-    water,
+    BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, liquid, positions, run, sand, settings,
+    velocities, water,
 };
-use mpm::{Contact, ContactKind, Force, Obstacle, Shape, Substeps, Vector};
+use mpm::{Contact, ContactKind, Force, Material, Obstacle, Shape, Substeps, Vector};
 
 #[test]
 fn free_fall_matches_g_t_squared_over_two() {
-    for material in [water(), sand(), elastic()] {
+    for material in [water(), sand(), elastic(), liquid()] {
         let bodies = Bodies::default().block(64, [0.4, 0.6], [0.6, 0.7], [0.5, 0.0], 0);
         let mut solver = bodies.solver(settings::<2>(64, vec![material]));
         run(&mut solver, 60);
@@ -210,7 +210,7 @@ fn runs_and_thread_counts_give_the_same_bits() {
         "the parallel path starts above that"
     );
     let result = |threads: usize| {
-        let mut settings = settings::<2>(128, vec![water(), sand()]);
+        let mut settings = settings::<2>(128, vec![water(), liquid()]);
         settings.threads = threads;
         let mut solver = bodies.solver(settings);
         run(&mut solver, 40);
@@ -228,7 +228,11 @@ fn runs_and_thread_counts_give_the_same_bits() {
 
 #[test]
 fn total_energy_never_grows() {
-    for (material, resolution) in [(water(), 64), (sand(), 64), (elastic(), 64)] {
+    let honey = Material::liquid(1420.0, BULK_MODULUS, [19.0, 0.0, 1.0], 0.25, 10.0, true).unwrap();
+    let stiff =
+        Material::liquid(1000.0, BULK_MODULUS, [1.0e5, 3.0e3, 1.0], 0.25, 10.0, true).unwrap();
+    for material in [water(), sand(), elastic(), liquid(), honey, stiff] {
+        let resolution = 64;
         let bodies = Bodies::default().block(resolution, [0.3, 0.3], [0.5, 0.5], [2.0, 1.0], 0);
         let mut solver = bodies.solver(settings::<2>(resolution, vec![material]));
         let energy = |s: &mpm::Solver<2>| {

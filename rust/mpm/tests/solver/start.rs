@@ -1,12 +1,12 @@
 //! A start file gives the solver that wrote it, or is refused.
 
-use crate::common::{Bodies, elastic, run, sand, settings, water};
+use crate::common::{Bodies, elastic, liquid, run, sand, settings, water};
 use mpm::{
     CoarseParticles, Contact, ContactKind, Motion, MpmError, Obstacle, Particles, Shape, Solver,
     Start, Upsampler, UpsamplingConstants, Vector,
 };
 
-/// Three materials in mid-splash, around an obstacle that turns.
+/// Four materials in mid-splash, around an obstacle that turns.
 fn splash<const D: usize>() -> Solver<D> {
     let cell = 1.0 / 32.0;
     let corner = |cells: f32| std::array::from_fn(|axis| cell * (cells + axis as f32));
@@ -14,8 +14,9 @@ fn splash<const D: usize>() -> Solver<D> {
         .block::<D>(32, corner(4.0), corner(8.0), [0.7; D], 0)
         .block::<D>(32, corner(10.0), corner(13.0), [-2.0; D], 1)
         .block::<D>(32, corner(14.0), corner(17.0), [-1.0; D], 2)
-        .block::<D>(32, corner(18.0), corner(21.0), [-1.0; D], 2);
-    let mut settings = settings::<D>(32, vec![water(), sand(), elastic()]);
+        .block::<D>(32, corner(18.0), corner(21.0), [-1.0; D], 2)
+        .block::<D>(32, corner(21.5), corner(23.5), [-1.0; D], 3);
+    let mut settings = settings::<D>(32, vec![water(), sand(), elastic(), liquid()]);
     let center = Vector::from_element(0.7);
     let turning = [0.0, 0.0, 3.0];
     let motion = Motion::new(
