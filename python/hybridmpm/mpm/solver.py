@@ -413,7 +413,7 @@ class MpmSolver(CoarseSimulator):
 
     def _warn(self, stacklevel: int) -> None:
         """Warn, each once, of a stopped emitter, a repeated frame and fast matter."""
-        if "full" in self.emitters:
+        if self._scene.emitters and "full" in self.emitters:
             text = f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}"
             self._warn_once("limit", ParticleLimitWarning, text, stacklevel)
         if self.redone_frames:

@@ -127,10 +127,14 @@ fn motion_at<Q: Quad, const D: usize>(field: &Field<D>, x: &[Lanes; D]) -> ([Lan
         }
         support[four..four + 4].copy_from_slice(&lanes[3].to_array());
     }
-    for axis in 0..D {
+    let divisor = support.map(|sum| sum.max(SUPPORT));
+    for of_axis in &mut motion {
+        // In place the compiler would divide lane by lane, and scatter.
+        let mut mean = [0.0; LANES];
         for i in 0..LANES {
-            motion[axis][i] /= support[i].max(SUPPORT);
+            mean[i] = of_axis[i] / divisor[i];
         }
+        *of_axis = mean;
     }
     (motion, support)
 }

@@ -124,7 +124,9 @@ impl<F: Fn(&Block<D>) -> Lanes, const D: usize> Kernel for Count<'_, F, D> {
     fn run<Q: Quad>(self) {
         // Adding 1.5 * 2^23 rounds to an integer and leaves it in the low bits.
         const SHIFT: f32 = 12_582_912.0;
-        let (nodes, dirty) = (&mut self.counts.nodes, &mut self.counts.dirty);
+        let (nodes, dirty) = (&mut self.counts.nodes[..], &mut self.counts.dirty[..]);
+        let rows: [[usize; 3]; 3] =
+            std::array::from_fn(|a| std::array::from_fn(|b| self.layout.stencil_row([a, b])));
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, self.layout);
             let amount = (self.amounts)(block).map(|amount| amount * ONE);
@@ -143,7 +145,7 @@ impl<F: Fn(&Block<D>) -> Lanes, const D: usize> Kernel for Count<'_, F, D> {
                             1.0
                         };
                         let share = amount[i] * stencils.weights[0][a][i] * across;
-                        let begin = start + self.layout.stencil_row([a, b]);
+                        let begin = start + rows[a][b];
                         let row: &mut [u32; 4] = (&mut nodes[begin..begin + 4])
                             .try_into()
                             .expect("four nodes");
