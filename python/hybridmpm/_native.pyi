@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 __all__ = [
     "MAX_SUBSTEPS",
+    "SHORTEST_FRAMES",
     "SNAPSHOT_VERSION",
     "SOLVER_VERSION",
     "UPSAMPLER_VERSION",
@@ -40,8 +41,8 @@ __all__ = [
     "Solver",
     "StepSizeError",
     "Timing",
-    "Tracks",
     "Upsampler",
+    "Ways",
     "__version__",
     "advance_all",
     "after_signals",
@@ -61,6 +62,11 @@ MAX_SUBSTEPS: int
 """Most substeps of a frame; frames that need more are refused."""
 SNAPSHOT_VERSION: int
 """Version of the layout of `Solver.snapshot`."""
+SHORTEST_FRAMES: int
+"""Shortest remaining time of a plan [frames].
+
+With 8 the peaks of the force reach the cap, with 14 to 16 they do not.
+"""
 SOLVER_VERSION: int
 """Version of the results: raised whenever the same scene gives other bits, on purpose.
 
@@ -1252,7 +1258,10 @@ class Matching:
         """Whether no way leads to the places of a group (G,); its way is then the straight one."""
 
 def match_to_region(
-    x: npt.NDArray[np.float64], cells: npt.NDArray[np.float64], space: FreeSpace | None = None
+    x: npt.NDArray[np.float64],
+    cells: npt.NDArray[np.float64],
+    space: FreeSpace | None = None,
+    side: float | None = None,
 ) -> Matching:
     """Fill a region evenly with as many places as there are particles, and give each particle one.
 
@@ -1268,6 +1277,9 @@ def match_to_region(
         Centres of equal cells that make up the region [m]; several for each particle.
     space : FreeSpace, optional
         Obstacles to lead ways around; without it all ways are straight.
+    side : float, optional
+        Side of a cell [m]. With it, places that lie in no cell are moved to the middle of the nearest: a
+        place is the mean of some cells, which may lie between two arms of a shape.
 
     Raises
     ------
@@ -1312,39 +1324,59 @@ def least_acceleration(
     """
 
 @final
-class Tracks:
-    """The force that keeps N particles on P ways, computed from where they really are.
+class Ways:
+    """The law that keeps N particles on P ways, computed from where they really are.
 
     A particle at x with velocity u that is to be at y with velocity w after tau seconds gets the acceleration
     6 (y - x) / tau^2 - (4 u + 2 w) / tau - g, the first moment of the motion that has the least integral of
-    |a|^2. On a way between two knots y is its end. On a way of several pieces y lies `ahead` seconds ahead.
+    |a|^2. On a way between two corners y is its end. On a way of several pieces y lies `ahead` frames ahead.
+
+    A fluid that is torn in order to fill a shape does not get everywhere as planned: parts that meet stay
+    about a cell apart, and between two arms some of it is left. So with `settling` optimal transport from the
+    present state gives each particle a place of the region anew, every 20 frames. To it the force leads in
+    the shortest time of a plan, 15 frames. The places of the last two times are kept, also in `to_bytes`.
+    Where they are not there, as after a jump in time, they are found from the present state.
 
     Parameters
     ----------
+    ids : uint64 (N,)
+        Permanent numbers of the particles, ascending.
+    weight : float64 (N,)
+        Mass of each over that of all [-].
     starts : uint32 (P + 1,)
-        Way p has the knots starts[p] to starts[p + 1] - 1, at least two.
-    times : float32 (K,)
-        When a knot is passed, from the start on [s]; increasing along each way.
-    x, v : float32 (K, D)
-        Places [m] of the knots and velocities in them [m/s]; cubic pieces lie between.
-    path : uint32 (N,)
+        Way p has the corners starts[p] to starts[p + 1] - 1, at least two.
+    times : float64 (K,)
+        When a corner is passed, from the start on [s]; increasing along each way.
+    corners, v : float64 (K, D)
+        Places of the corners [m] and velocities in them [m/s]; cubic pieces lie between.
+    group : uint32 (N,)
         Way of each particle.
-    offset : float32 (N, D)
-        Distance of each particle from its way [m].
+    places : float64 (N, D)
+        Place of each particle at the end [m].
+    end : sequence of D floats, optional
+        Velocity of all at the end [m/s], with which the ways go on; rest if None.
     gravity : sequence of D floats
         What the force makes up for [m/s^2].
-    shortest : float > 0
-        Shortest tau [s].
-    ahead : float > 0
-        [s].
-    cells : int in [0, 256]
-        Cells per metre of the grid over [0, 1]^D that the force is put on and read from again, by linear
-        weights, which keeps its momentum; 0 leaves it as it is.
+    frame_dt : float
+        Length of a frame [s].
+    smoothing : int in [0, 256]
+        Cells along the longest side of the world of the grid that the force is put on and read from again, by
+        linear weights, which keeps its momentum; 0 leaves it as it is.
     cap : float > 0
         Largest acceleration [m/s^2]; longer ones are shortened to it.
-    space : FreeSpace, optional
-        Obstacles. A particle that one of them keeps from what it aims at goes the shortest way around it
+    ahead : int > 0
+        [frames].
+    unit : float > 0
+        Longest side of the world [m].
+    lower, spacing, distance : sequence of D floats, float, float64 with D axes, optional
+        First node [m] of a grid, distance [m] of its nodes, and signed distance of the nearest obstacle in
+        each [m]. A particle that an obstacle keeps from what it aims at goes the shortest way around it
         towards the ends of the ways.
+    cells, side : float64 (M, D), float
+        Centres of the cells of a region, and side of a cell [m].
+    settling : (int, int), optional
+        Frames since the start after which particles are given places in the region anew, and those in which
+        it is to be reached.
 
     Raises
     ------
@@ -1355,32 +1387,80 @@ class Tracks:
     def __new__(
         cls,
         *,
+        ids: npt.NDArray[np.uint64],
+        weight: npt.NDArray[np.float64],
         starts: npt.NDArray[np.uint32],
-        times: npt.NDArray[np.float32],
-        x: npt.NDArray[np.float32],
-        v: npt.NDArray[np.float32],
-        path: npt.NDArray[np.uint32],
-        offset: npt.NDArray[np.float32],
+        times: npt.NDArray[np.float64],
+        corners: npt.NDArray[np.float64],
+        v: npt.NDArray[np.float64],
+        group: npt.NDArray[np.uint32],
+        places: npt.NDArray[np.float64],
+        end: Sequence[float] | None,
         gravity: Sequence[float],
-        shortest: float,
-        ahead: float,
-        cells: int,
+        frame_dt: float,
+        smoothing: int,
         cap: float,
-        size: Sequence[float] | None = None,
-        space: FreeSpace | None = None,
-    ) -> Tracks: ...
+        ahead: int,
+        unit: float,
+        lower: Sequence[float] | None = None,
+        spacing: float = 0.0,
+        distance: npt.NDArray[np.float64] | None = None,
+        cells: npt.NDArray[np.float64] | None = None,
+        side: float = 0.0,
+        settling: tuple[int, int] | None = None,
+    ) -> Ways: ...
+    @staticmethod
+    def from_bytes(data: bytes, dim: int) -> Ways:
+        """Return the law of `to_bytes`, in D = `dim` dimensions.
+
+        Raises
+        ------
+        ConfigError
+            The bytes are cut off, or of another kind, version or dimension.
+        """
+
+    def to_bytes(self) -> bytes:
+        """Return the law with the places that it has found, little-endian."""
+
+    @property
+    def dim(self) -> int:
+        """Dimension D."""
+
+    @property
+    def count(self) -> int:
+        """Number N of particles."""
+
+    @property
+    def settles(self) -> bool:
+        """Whether particles are given places of a region anew."""
+
+    @property
+    def places(self) -> npt.NDArray[np.float64]:
+        """Ends of the particles' ways (N, D) [m]."""
+
     def force(
         self,
+        index: int,
+        ids: npt.NDArray[np.uint64],
         x: npt.NDArray[np.float32],
         v: npt.NDArray[np.float32],
-        mass: npt.NDArray[np.float32],
-        time: float,
-        rows: npt.NDArray[np.uint32] | None = None,
-    ) -> npt.NDArray[np.float32]:
-        """Return the accelerations besides gravity (N, D) [m/s^2] at a time since the start [s].
+    ) -> tuple[npt.NDArray[np.uint64] | None, npt.NDArray[np.float32]]:
+        """Return the accelerations besides gravity in the frame after `index` frames since the start.
 
-        Positions [m], velocities [m/s] and masses [kg] are those of all N particles, or of those that `rows`
-        names.
+        Parameters
+        ----------
+        index : int
+        ids : uint64 (M,)
+            Permanent numbers of the particles that are there, ascending.
+        x, v : float32 (M, D)
+            Positions [m] and velocities [m/s].
+
+        Returns
+        -------
+        rows : uint64 (L,) or None
+            Rows of those who are led; None where these are all N in order.
+        force : float32 (L, D)
+            [m/s^2].
 
         Raises
         ------

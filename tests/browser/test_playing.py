@@ -29,7 +29,7 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.coarse import coarse_level
-from hybridmpm.control import Arrow, Ellipse, prepare, push
+from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, prepare, prepare_keyframes, push
 
 MODULE = re.compile(r'(?<=id="module">)[^<]*')
 """The module that a page tries first, with instructions that not all browsers have."""
@@ -176,12 +176,21 @@ TANK = Scene.parse(
 """A world that is not of one metre: ways and rooms are in units of it."""
 
 
-@pytest.mark.parametrize("case", ["arrow", "oval", "ramps", "body", "coarse", "space", "tank"])
+HOOK = Shape([[(0.3, 0.4), (0.7, 0.4), (0.7, 0.75), (0.55, 0.75), (0.55, 0.55), (0.3, 0.55)]], width=11.0)
+
+
+@pytest.mark.parametrize(
+    "case", ["arrow", "oval", "ramps", "body", "coarse", "space", "tank", "shape", "shape in space"]
+)
 def test_material_follows_a_sketch_with_the_bits_of_the_library(show: Show, case: str) -> None:
-    sketch: Arrow | Ellipse = Arrow(points=np.array([[0.35, 0.35], [0.6, 0.65]]))
+    sketch: Arrow | Ellipse | Shape = Arrow(points=np.array([[0.35, 0.35], [0.6, 0.65]]))
     if case == "oval":
         sketch = Ellipse(center=(0.5, 0.6), axes=(0.15, 0.12), angle=0.0)
-    name = {"ramps": "water_ramps_2d", "space": "water_3d"}.get(case, "water_2d")
+    elif case.startswith("shape"):
+        sketch = HOOK  # Places are matched anew at the frames 30 and 50.
+    name = {"ramps": "water_ramps_2d", "space": "water_3d", "shape in space": "water_3d"}.get(
+        case, "water_2d"
+    )
     scene = TANK if case == "tank" else scenarios.get(name, 3)
     solver = MpmSolver(scene, coarse="1/16" if case == "coarse" else None)
     planned = solver.copy()
@@ -192,6 +201,30 @@ def test_material_follows_a_sketch_with_the_bits_of_the_library(show: Show, case
     for frames in (20, 40):
         solver.advance(frames, guidance)
         assert advanced(page, frames) == solver.digest()
+
+
+def test_a_page_takes_up_a_shape_whose_places_were_matched_anew(show: Show) -> None:
+    solver = MpmSolver(scenarios.water_2d(3))
+    guidance = prepare(solver, HOOK, "analytic", frames=30, hold=25)
+    solver.advance(25, guidance)
+    page = show(play(solver, guidance=guidance).html)
+    solver.advance(30, guidance)
+    assert advanced(page, 30) == solver.digest()
+
+
+@pytest.mark.parametrize("begun", [0, 45])
+def test_several_goals_are_followed_in_turn_with_the_bits_of_the_library(show: Show, begun: int) -> None:
+    oval = Ellipse(center=(0.5, 0.6), axes=(0.15, 0.12), angle=0.0)
+    arrow = Arrow(points=np.array([[0.5, 0.5], [0.45, 0.6]]))
+    solver = MpmSolver(scenarios.water_2d(3))
+    sequence = prepare_keyframes(solver, [(HOOK, 40), Keyframe(oval, 30, hold=5), (arrow, 20)])
+    solver.advance(begun, sequence)
+    page = show(play(solver, guidance=sequence).html)
+    solver.advance(100 - begun, sequence)
+    assert advanced(page, 100 - begun) == solver.digest()
+    shown = page.evaluate("scene.sketches.map(({ first, last, isArrow }) => [first, last, isArrow])")
+    legs = [[0, 40, False], [40, 75, False], [75, 95, True]]
+    assert shown == (legs if begun == 0 else legs[1:])
 
 
 def test_only_ways_are_followed() -> None:

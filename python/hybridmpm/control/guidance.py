@@ -18,7 +18,7 @@ from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Figure, Fill, Oval, Region, Silhouette
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.who import Who
-from hybridmpm.control.laws import Floats32, Law, OfIds, Settled, law_from_dict, law_to_dict
+from hybridmpm.control.laws import Floats32, Law, OfIds, Tracked, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch, check_in_world
@@ -37,7 +37,7 @@ force: what is below their cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
 """Need over the cap up to which the whole cap is tried: the least force is largest at its ends, and less does
 the same where it acts all the time."""
-_MAGIC, _VERSION = b"HMPMGUID", 4
+_MAGIC, _VERSION = b"HMPMGUID", 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +105,9 @@ class Guidance:
         return self.law.force(simulator, index) if 0 <= index < self.total_frames else None
 
     def copied(self) -> "Guidance":
-        """Return the guidance for a copy of the simulator, which may go another way.
-
-        A law that leads into a shape keeps places that it matched on the way.
-        """
+        """Return the guidance for a copy of the simulator, which may go another way."""
         law = self.law
-        return dataclasses.replace(self, law=law.own()) if isinstance(law, Settled) else self
+        return dataclasses.replace(self, law=law.own()) if isinstance(law, Tracked) else self
 
     def snapshot(self) -> bytes:
         """Return the guidance as bytes, versioned and checksummed; `restored` reads them.

@@ -159,6 +159,11 @@ class Sequence:
         return self._current[2]
 
     @property
+    def planned_at(self) -> int:
+        """Number of frames since the start after which that guidance was planned."""
+        return self._current[1]
+
+    @property
     def law(self) -> "Sequence":
         """The sequence, which is the law of its force."""
         return self

@@ -1,9 +1,9 @@
 """Laws: functions from the state before a frame to the force in it. All of them are plain data."""
 
+import copy
 import dataclasses
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any, ClassVar, Protocol, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, Self, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -11,19 +11,16 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud, Floats
-from hybridmpm.control.goal.paths import SHORTEST_FRAMES, Motion, Paths
+from hybridmpm.control.goal.paths import Motion
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.errors import SnapshotError
-from hybridmpm.force import locate
 from hybridmpm.simulator import Simulator
 
 Floats32 = npt.NDArray[np.float32]
 OfIds = tuple[npt.NDArray[np.uint64], Floats32]
 
-ANEW = 20
-"""Frames after which particles are given places in a shape anew."""
-AHEAD_FRAMES = 24
-"""`Tracked.ahead` if none is given."""
+_AHEAD_FRAMES = 24
+"""Distance ahead at which the force aims on a path with corners [frames]."""
 BANDWIDTH = (100.0, 300.0)
 """Rate at which an error of the position decays, at the start and at the end [1/s]."""
 _VELOCITY = 1.0
@@ -173,31 +170,20 @@ class Uniform:
         return self.ids, np.tile(self.acceleration, (len(self.ids), 1))
 
 
+class Settling(TypedDict, total=False):
+    """Region in which particles are given places anew, as `_core.Ways` takes it."""
+
+    cells: Floats
+    side: float
+    settling: tuple[int, int]
+
+
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """The force that keeps particles on timed paths, from their actual states; see `_core.Tracks`."""
+    """The force that keeps particles on timed paths, from their actual states; see `_core.Ways`."""
 
     name: ClassVar[str] = "tracked"
-    ids: npt.NDArray[np.uint64]
-    """Particles (N,) that are led, ascending."""
-    starts: npt.NDArray[np.uint32]
-    times: Floats32
-    x: Floats32
-    v: Floats32
-    path: npt.NDArray[np.uint32]
-    offset: Floats32
-    weight: Floats32
-    """Mass of each particle over that of all (N,) [-]."""
-    gravity: Floats32
-    frame_dt: float
-    cells: int
-    cap: float
-    room: dict[str, Any] | None
-    """Fields of a `RoomGrid`, for paths around obstacles; None without obstacles."""
-    unit: float = 1.0
-    """Longest side of the world [m]; the tracks are computed in such lengths."""
-    ahead: int = AHEAD_FRAMES
-    """Distance ahead at which the force aims on a path with corners [frames]."""
+    ways: _core.Ways
 
     @classmethod
     def along(
@@ -209,163 +195,73 @@ class Tracked:
         cap: float,
         grid: RoomGrid | None,
         unit: float = 1.0,
-        ahead: int = AHEAD_FRAMES,
-    ) -> "Tracked":
-        """Return the law of a motion; `cells` are those along the longest side of the world, `unit` [m].
+        settling: Settling | None = None,
+    ) -> Self:
+        """Return the law of a motion.
 
-        Where the motion ends with a velocity, it is continued, so that the force can aim ahead until then.
+        Parameters
+        ----------
+        motion : Motion
+        cloud : Cloud
+            The particles that are led.
+        cells : int
+            Cells along the longest side of the world of the grid on which the force is smoothed, or 0.
+        cap : float
+            Largest acceleration [m/s^2].
+        grid : RoomGrid, optional
+            The room, for paths around obstacles.
+        unit : float
+            Longest side of the world [m].
+        settling : Settling, optional
+            Region in which particles are given places anew at the end.
         """
-        motion = motion.onward(ahead * cloud.frame_dt)
         paths = motion.paths
-        times = motion.times.astype(np.float32)
-        # Corners in one place have times that are equal in float32.
-        alike = 1 + np.flatnonzero(np.diff(times) == 0)
-        for index in np.setdiff1d(alike, paths.starts):
-            times[index] = np.nextafter(times[index - 1], np.float32(np.inf))
-        return cls(
+        ways = _core.Ways(
             ids=cloud.ids,
+            weight=cloud.weight,
             starts=paths.starts,
-            times=times,
-            x=paths.corners.astype(np.float32),
-            v=motion.v.astype(np.float32),
-            path=paths.group,
-            offset=paths.offset.astype(np.float32),
-            weight=cloud.weight.astype(np.float32),
-            gravity=cloud.gravity.astype(np.float32),
+            times=motion.times,
+            corners=paths.corners,
+            v=motion.v,
+            group=paths.group,
+            places=paths.places,
+            end=None if paths.end is None else paths.end.tolist(),
+            gravity=cloud.gravity.tolist(),
             frame_dt=cloud.frame_dt,
-            cells=cells,
+            smoothing=cells,
             cap=cap,
-            room=None
-            if grid is None
-            else {"lower": grid.lower, "spacing": grid.spacing, "distance": grid.distance},
+            ahead=_AHEAD_FRAMES,
             unit=unit,
-            ahead=ahead,
+            lower=None if grid is None else grid.lower.tolist(),
+            spacing=0.0 if grid is None else grid.spacing,
+            distance=None if grid is None else grid.distance,
+            **(Settling() if settling is None else settling),
         )
+        return cls(ways)
 
     @property
     def places(self) -> Floats:
         """Ends of the particles' paths (N, D) [m]."""
-        return np.asarray(self.x[self.starts[1:] - 1][self.path] + self.offset, dtype=np.float64)
+        return self.ways.places
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the fields alone: the compiled tracks are made anew from them."""
-        return {name: value for name, value in vars(self).items() if name != "_tracks"}
+    def own(self) -> Self:
+        """Return the law for a copy of the simulator, which may go another way.
 
-    @cached_property
-    def _tracks(self) -> _core.Tracks:
-        unit, room = self.unit, self.room
-        if room is not None:
-            room = {name: value / unit for name, value in room.items()}
-        return _core.Tracks(
-            starts=self.starts,
-            times=self.times,
-            x=self.x / unit,
-            v=self.v / unit,
-            path=self.path,
-            offset=self.offset / unit,
-            gravity=(self.gravity / unit).tolist(),
-            shortest=SHORTEST_FRAMES * self.frame_dt,
-            ahead=self.ahead * self.frame_dt,
-            cells=self.cells,
-            cap=self.cap / unit,
-            space=None if room is None else RoomGrid(**room).space,
-        )
+        A law that leads into a shape keeps places that it matched on the way.
+        """
+        return dataclasses.replace(self, ways=copy.copy(self.ways)) if self.ways.settles else self
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:
         """Return (N, D), or a pair where not all particles are led."""
-        x, v = simulator.positions / self.unit, simulator.velocities / self.unit
-        time = index * self.frame_dt
-        if is_whole(simulator, len(self.ids)):
-            return self.unit * self._tracks.force(x, v, self.weight, time)
-        present = simulator.ids
-        places, known = locate(present, self.ids)
-        rows = places[known].astype(np.uint32)
-        force = self.unit * self._tracks.force(x[known], v[known], self.weight[rows], time, rows)
-        return present[known], force
+        ids = simulator.ids
+        rows, force = self.ways.force(index, ids, simulator.positions, simulator.velocities)
+        if is_whole(simulator, self.ways.count):
+            return force
+        return ids if rows is None else ids[rows], force
 
 
-@dataclass(frozen=True, eq=False)
-class Settled:
-    """The force along paths that leads particles, near to the end, to places that are matched anew.
-
-    A fluid that is torn in order to fill a shape does not get everywhere as planned: parts that meet stay
-    about a cell apart, and between two arms some of it is left. So optimal transport from the present state
-    gives each particle a place of the same region anew, every `ANEW` frames from `start` on. To it the force
-    leads in the shortest time of a plan.
-
-    The places of the last two times are kept, so that a snapshot goes on to the same bits. Where they are not
-    there, as for a copy of the simulator from another law, they are found from the present state.
-    """
-
-    name: ClassVar[str] = "settled"
-    moving: Tracked
-    """Force until `start`."""
-    cells: Floats
-    """Centres (M, D) of the cells of the region [m]."""
-    side: float
-    """Side of a cell [m]."""
-    start: int
-    """Number of frames after which places are matched anew for the first time."""
-    frames: int
-    """Number of frames in which the region is to be reached."""
-    velocity: Floats | None = None
-    """Velocity (D,) [m/s] with which the filled region moves then, and from `start` on; None for rest."""
-    found: list[list[Any]] = field(default_factory=list)
-    """The last times: number of each, frame in which places were matched, and force to them."""
-
-    def own(self) -> "Settled":
-        """Return the law for a copy of the simulator."""
-        return dataclasses.replace(self, found=list(self.found))
-
-    def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds | None:
-        """Return (N, D), or a pair where not all particles are led."""
-        if index < self.start:
-            return self.moving.force(simulator, index)
-        time, after = divmod(index - self.start, ANEW)
-        known = [one for one in self.found if one[0] == time and one[1] <= index]
-        # In its first frame nothing known counts: the simulator may have returned to it on another way.
-        if not known or after == 0:
-            known = [[time, index, self._matched(simulator, self.frames - index)]]
-            self.found[:] = [one for one in self.found if one[0] == time - 1] + known
-        _, first, tracked = known[0]
-        force: Floats32 | OfIds | None = tracked.force(simulator, index - first)
-        return force
-
-    def _matched(self, simulator: Simulator, left: int) -> Tracked:
-        """Return the force to places that are matched from the present state, with some frames left."""
-        law = self.moving
-        x = law.places.copy()  # of particles that are gone
-        v = np.zeros_like(x)
-        places, known = locate(simulator.ids, law.ids)
-        x[places[known]], v[places[known]] = simulator.positions[known], simulator.velocities[known]
-        cloud = Cloud(
-            ids=law.ids,
-            x=x,
-            v=v,
-            weight=law.weight.astype(np.float64),
-            types=np.empty(0, dtype=np.uint8),
-            volume=0.0,
-            gravity=law.gravity.astype(np.float64),
-            frame=simulator.frame,
-            frame_dt=law.frame_dt,
-            partial=not is_whole(simulator, len(law.ids)),
-        )
-        grid = None if law.room is None else RoomGrid(**law.room)
-        soon = (SHORTEST_FRAMES + 1) * law.frame_dt
-        if self.velocity is None:
-            motion = Paths.matched(cloud, self.cells, grid, self.side).timed(soon)
-        else:
-            seconds = left * law.frame_dt
-            paths = Paths.matched(cloud, self.cells - seconds * self.velocity, grid, self.side)
-            paths = dataclasses.replace(paths.shifted(soon * self.velocity), end=self.velocity)
-            motion = paths.timed(soon).onward(seconds)
-        # What smooths the force would lead what is left between two arms like the arms.
-        unit, ahead = law.unit, SHORTEST_FRAMES
-        return Tracked.along(motion, cloud, cells=0, cap=law.cap, grid=grid, unit=unit, ahead=ahead)
-
-
-LAWS: dict[str, type[Unforced | Uniform | Tracked | Settled | Retraced | Diffused]] = {
-    law.name: law for law in (Unforced, Uniform, Tracked, Settled, Retraced, Diffused)
+LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced | Diffused]] = {
+    law.name: law for law in (Unforced, Uniform, Tracked, Retraced, Diffused)
 }
 """Laws of the library by name."""
 
@@ -380,23 +276,15 @@ def law_to_dict(law: Law) -> dict[str, Any]:
     """
     if type(law) is not LAWS.get(law.name):
         raise SnapshotError(f"a law of your own, {type(law).__name__}, cannot be kept in a snapshot")
-    fields = {name: _plain(value) for name, value in vars(law).items() if not name.startswith("_")}
+    fields = dict(vars(law))
+    if isinstance(law, Tracked):
+        fields = {"dim": law.ways.dim, "ways": law.ways.to_bytes()}
     return {"name": law.name, "fields": fields}
 
 
 def law_from_dict(data: dict[str, Any]) -> Law:
     """Return the law of plain data of `law_to_dict`."""
-    return LAWS[data["name"]](**{name: _full(value) for name, value in data["fields"].items()})
-
-
-def _plain(value: Any) -> Any:
-    """Return a field of a law as plain data; a law within it is marked by its key."""
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return {"law": law_to_dict(value)} if isinstance(value, Tracked) else value
-
-
-def _full(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_full(one) for one in value]
-    return law_from_dict(value["law"]) if isinstance(value, dict) and set(value) == {"law"} else value
+    fields = data["fields"]
+    if data["name"] == Tracked.name:
+        return Tracked(_core.Ways.from_bytes(fields["ways"], fields["dim"]))
+    return LAWS[data["name"]](**fields)

@@ -20,11 +20,11 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.files import replacing
-from hybridmpm.control import Guidance
+from hybridmpm.control import Guidance, Sequence
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.playing.text import html_of
-from hybridmpm.playing.ways import drawn, ways_file
+from hybridmpm.playing.ways import drawn, legs_of, ways_file
 from hybridmpm.probes import Probe
 from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
@@ -78,7 +78,7 @@ def play(
     *,
     name: str = "",
     text: str = "",
-    guidance: Guidance | None = None,
+    guidance: Guidance | Sequence | None = None,
     probes: Mapping[str, Probe] | None = None,
 ) -> PlayingPage:
     """Return a page that plays a simulation in any browser; write it where a path is given.
@@ -96,8 +96,11 @@ def play(
         Title of the page; the scene's dimension and number of particles if empty.
     text : str
         Text beside the picture, in Markdown (CommonMark) without pictures and without HTML of its own.
-    guidance : Guidance, optional
-        Sketch that the material follows, from `control.prepare`, in the frames for which it was planned.
+    guidance : Guidance or Sequence, optional
+        Sketch that the material follows, from `control.prepare`, in the frames for which it was planned; or
+        several in turn, from `control.prepare_keyframes`. A copy of the solver goes the way to the last one
+        first, because each is planned from the state in its first frame. So a hand on the page moves the
+        material, but not the plans.
     probes : mapping, optional
         Probes by name, whose readings the page draws as charts: every 10 ms, forces as means of these.
 
@@ -115,16 +118,20 @@ def play(
     for probe in (probes or {}).values():
         checked_probe(probe).check(solver.scene)
     about = _about(solver, probes or {})
-    ways = b""
+    about["sketches"], ways = [], b""
     if guidance is not None:
-        ways = ways_file(guidance)
-        first = guidance.first_frame
-        about["sketch"] = {
-            "first": first,
-            "last": first + guidance.total_frames,
-            "lines": drawn(guidance),
-            "isArrow": guidance.sketch.kind == "arrow",
-        }
+        legs = legs_of(guidance, solver)
+        ways = ways_file(legs, guidance)
+        ends = [start for start, _ in legs[1:]] + [guidance.total_frames]
+        about["sketches"] = [
+            {
+                "first": guidance.first_frame + start,
+                "last": guidance.first_frame + end,
+                "lines": drawn(leg),
+                "isArrow": leg.sketch.kind == "arrow",
+            }
+            for (start, leg), end in zip(legs, ends, strict=True)
+        ]
     title = name or f"{solver.particle_count} particles in {solver.dim}D"
     page = PlayingPage(_page(solver, title, text, about, ways))
     if path is not None:

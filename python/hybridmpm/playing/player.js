@@ -172,8 +172,9 @@ function draw() {
   pen.putImageData(image, 0, 0);
   drawWalls(project);
   for (const { marks } of scene.probes) for (const mark of marks) drawMark(project, ratio, mark);
-  const { sketch } = scene;
-  if (sketch && state.frame >= sketch.first && state.frame < sketch.last) drawSketch(project, ratio, sketch);
+  for (const sketch of scene.sketches) {
+    if (state.frame >= sketch.first && state.frame < sketch.last) drawSketch(project, ratio, sketch);
+  }
   if (hand !== null) drawHand(project, ratio);
 }
 

@@ -1,69 +1,59 @@
-"""`ways_file`: the ways of a followed sketch as bytes that the WebAssembly module reads."""
+"""`ways_file`: what a page follows, as bytes that the WebAssembly module reads, and the lines it draws."""
 
 import struct
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.control.goal.region import Oval
 from hybridmpm.control.guidance import Guidance
-from hybridmpm.control.laws import Settled, Tracked
+from hybridmpm.control.keyframes import Led, Sequence
+from hybridmpm.control.laws import Tracked
 from hybridmpm.errors import ConfigError
+from hybridmpm.mpm import MpmSolver
 
-_MAGIC, _VERSION = b"HMWY", 2
 _OUTLINE = 64
 """Number of points on the outline of an oval."""
+Legs = list[tuple[int, Guidance]]
+"""Frames since the start at which each goal of a motion was planned, and the guidance to it."""
 
 
-def ways_file(guidance: Guidance) -> bytes:
-    """Return ways, particles and settings of the force, little-endian; arrays begin with their length.
+def legs_of(motion: Led, solver: MpmSolver) -> Legs:
+    """Return the guidance to each goal of a motion that the solver is to follow from its present state.
+
+    Several goals in turn are planned as on their way, which a copy of the solver goes first.
+    """
+    if not isinstance(motion, Sequence):
+        return [(0, motion)]
+    motion, twin = motion.copied(), solver.copy()
+    legs = [(motion.planned_at, motion.guidance.copied())]
+    while twin.frame <= motion.first_frame + motion.legs[-1].start:
+        force = motion(twin)
+        if motion.planned_at != legs[-1][0]:
+            legs.append((motion.planned_at, motion.guidance.copied()))
+        twin.advance(1, force)
+    return legs
+
+
+def ways_file(legs: Legs, motion: Led) -> bytes:
+    """Return the laws of a motion, each after the frames at which it begins, little-endian.
 
     Raises
     ------
     ConfigError
-        The force of the guidance is not that of particles on ways.
+        The force of one of them is not that of particles on ways.
     """
-    law = guidance.law
-    if isinstance(law, Settled):
-        law = law.moving  # Places stay those of the plan there.
-    if not isinstance(law, Tracked):
+    head = struct.pack("<III", motion.first_frame, motion.total_frames, len(legs))
+    laws = [struct.pack("<I", start) + _bytes(guidance) for start, guidance in legs]
+    return head + b"".join(laws)
+
+
+def _bytes(guidance: Guidance) -> bytes:
+    if not isinstance(guidance.law, Tracked):
         raise ConfigError(
             f"a page follows sketches by the method analytic or learned, got {guidance.method!r}: plan with "
             'method="analytic"'
         )
-    settings = (len(law.gravity), guidance.first_frame, guidance.total_frames, law.cells)
-    unit = law.unit
-    size = np.ones(len(law.gravity))  # of the part of the world on which the grid of the force lies [units]
-    parts = [
-        struct.pack("<4sIIIII", _MAGIC, _VERSION, *settings),
-        struct.pack("<df", law.frame_dt, unit),
-        np.concatenate([law.gravity / unit, size]).astype("<f4").tobytes(),
-        struct.pack("<fff", SHORTEST_FRAMES * law.frame_dt, law.ahead * law.frame_dt, law.cap / unit),
-        _array(law.starts, "<u4"),
-        _array(law.times, "<f4"),
-        _array(law.x / unit, "<f4"),
-        _array(law.v / unit, "<f4"),
-        _array(law.path, "<u4"),
-        _array(law.offset / unit, "<f4"),
-        _array(law.weight, "<f4"),
-        _array(law.ids, "<u4"),
-    ]
-    if law.room is None:
-        parts.append(_array(np.empty(0), "<u4"))
-    else:
-        distance = law.room["distance"] / unit
-        parts += [
-            _array(np.array(distance.shape), "<u4"),
-            (np.append(law.room["lower"], law.room["spacing"]) / unit).astype("<f8").tobytes(),
-            distance.astype("<f8").tobytes(),
-        ]
-    return b"".join(parts)
-
-
-def _array(values: npt.NDArray[Any], kind: str) -> bytes:
-    return struct.pack("<I", len(values)) + values.astype(kind).tobytes()
+    return guidance.law.ways.to_bytes()
 
 
 def drawn(guidance: Guidance) -> list[list[list[float]]]:

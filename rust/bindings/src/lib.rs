@@ -103,6 +103,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("MAX_SUBSTEPS", mpm::MAX_SUBSTEPS)?;
     module.add("SNAPSHOT_VERSION", mpm::SNAPSHOT_VERSION)?;
     module.add("UPSAMPLER_VERSION", mpm::UPSAMPLER_VERSION)?;
+    module.add("SHORTEST_FRAMES", ::guidance::SHORTEST_FRAMES)?;
     error::register(module)?;
     module.add_class::<scene::PyMaterial>()?;
     module.add_class::<scene::PyObstacle>()?;
@@ -119,7 +120,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<guidance::PyFreeSpace>()?;
     module.add_class::<guidance::PyMatching>()?;
     module.add_class::<guidance::PyTiming>()?;
-    module.add_class::<guidance::PyTracks>()?;
+    module.add_class::<guidance::PyWays>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(solver::cfl_substeps, module)?)?;
     module.add_function(wrap_pyfunction!(cancel::raise_if_cancelled, module)?)?;

@@ -110,6 +110,44 @@ pub fn match_to_region<const D: usize>(
     Ok(matching)
 }
 
+/// Moves places that lie in no cell of a side [m], as between two arms of a shape, to the middle of the nearest cell.
+pub fn in_cells<const D: usize>(places: &mut [[f64; D]], cells: &[[f64; D]], side: f64) {
+    let mut corner = [f64::INFINITY; D];
+    for cell in cells {
+        corner = std::array::from_fn(|axis| corner[axis].min(cell[axis]));
+    }
+    let node = |x: &[f64; D]| -> [f64; D] {
+        std::array::from_fn(|axis| ((x[axis] - corner[axis]) / side).round_ties_even())
+    };
+    let mut counts = [1.0_f64; D];
+    for cell in cells.iter().map(&node) {
+        counts = std::array::from_fn(|axis| counts[axis].max(cell[axis] + 1.0));
+    }
+    let flat = |node: [f64; D]| -> usize {
+        (0..D).fold(0, |flat, axis| {
+            let along = node[axis].clamp(0.0, counts[axis] - 1.0);
+            flat * counts[axis] as usize + along as usize
+        })
+    };
+    let mut taken = vec![false; counts.iter().map(|&count| count as usize).product()];
+    for cell in cells {
+        taken[flat(node(cell))] = true;
+    }
+    for place in places {
+        if taken[flat(node(place))] {
+            continue;
+        }
+        let mut nearest = (f64::INFINITY, *place);
+        for cell in cells {
+            let square = square_distance(cell, place);
+            if square < nearest.0 {
+                nearest = (square, *cell);
+            }
+        }
+        *place = nearest.1;
+    }
+}
+
 /// Mean of points.
 fn middle<const D: usize>(points: &[[f64; D]]) -> [f64; D] {
     let count = points.len() as f64;

@@ -105,14 +105,9 @@ impl<const D: usize> Tracks<D> {
         })
     }
 
-    /// Number of particles that have a way.
-    pub fn count(&self) -> usize {
-        self.path.len()
-    }
-
     /// Accelerations besides gravity [m/s^2] of particles at `x` [m] with velocities `v` [m/s].
     ///
-    /// `time` has passed since the start [s]. `rows` names the particle of each row, which is below `count`; None
+    /// `time` has passed since the start [s]. `rows` names the particle of each row, which is one of those that have a way; None
     /// stands for all of them in order.
     ///
     /// A particle at x with velocity u that is to be at y with velocity w after tau seconds gets, with the least

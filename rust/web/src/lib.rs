@@ -4,7 +4,6 @@
 //! a function returns, before its next call. A function that fails returns 0; `message` then has a sentence.
 
 mod dimension;
-mod following;
 mod player;
 
 use std::cell::RefCell;

@@ -1,11 +1,10 @@
 //! A simulation, and the memory for what a page reads.
 
-use guidance::Push;
+use guidance::{Followed, Present, Push};
 use mpm::{CoarseParticles, Force, MpmError, Solver, Start, Upsampler, Vector};
 use sha2::{Digest, Sha256};
 
 use crate::dimension::D;
-use crate::following::Following;
 
 /// What a page reads of all particles.
 #[derive(Clone, Copy)]
@@ -25,7 +24,7 @@ pub struct Player {
     upsampler: Option<Upsampler<D>>,
     /// The solver that does failed frames again.
     safe: Option<Solver<D>>,
-    following: Option<Following>,
+    following: Option<Followed<D>>,
     numbers: Vec<f32>,
     doubles: Vec<f64>,
     bytes: Vec<u8>,
@@ -78,7 +77,7 @@ impl Player {
 
     /// Lets particles follow ways from now on.
     pub fn follow(&mut self, data: &[u8]) -> Result<(), String> {
-        self.following = Some(Following::read(data)?);
+        self.following = Some(Followed::read(data).map_err(|error| error.to_string())?);
         Ok(())
     }
 
@@ -119,43 +118,50 @@ impl Player {
                 Some(push.map_err(|error| error.to_string())?)
             }
         };
-        self.advance_pushed(frames, push.as_ref())
-            .map_err(|error| error.to_string())
-    }
-
-    fn advance_pushed(&mut self, frames: usize, push: Option<&Push<D>>) -> Result<(), MpmError> {
         for _ in 0..frames {
-            match self.force(push)? {
-                None => self.advance_frame(Force::None)?,
-                Some(force) => match &mut self.upsampler {
-                    None => self.advance_frame(Force::Held(&force))?,
-                    Some(upsampler) => {
-                        let gathered = upsampler.gather_force(&force)?;
-                        self.advance_frame(Force::Held(&gathered))?;
-                    }
-                },
-            }
-            self.update_shown()?;
+            let force = self.force(push.as_ref())?;
+            self.advance_forced(force.as_deref())
+                .map_err(|error| error.to_string())?;
         }
         Ok(())
     }
 
+    fn advance_forced(&mut self, force: Option<&[f32]>) -> Result<(), MpmError> {
+        match (force, &mut self.upsampler) {
+            (None, _) => self.advance_frame(Force::None)?,
+            (Some(force), None) => self.advance_frame(Force::Held(force))?,
+            (Some(force), Some(upsampler)) => {
+                let gathered = upsampler.gather_force(force)?;
+                self.advance_frame(Force::Held(&gathered))?;
+            }
+        }
+        self.update_shown()
+    }
+
     /// Accelerations of the particles that are shown, of ways and hand together; None where there are neither.
-    fn force(&mut self, push: Option<&Push<D>>) -> Result<Option<Vec<f32>>, MpmError> {
+    fn force(&mut self, push: Option<&Push<D>>) -> Result<Option<Vec<f32>>, String> {
         if push.is_none() && self.following.is_none() {
             return Ok(None);
         }
-        let x = self.read(Quantity::Positions)?.to_vec();
-        let v = self.read(Quantity::Velocities)?.to_vec();
-        let (x, v) = (x.as_chunks::<D>().0, v.as_chunks::<D>().0);
-        let following = self.following.as_ref();
-        let force = following.and_then(|ways| ways.force(self.frame(), self.ids(), x, v));
-        let Some(push) = push else {
-            return Ok(force);
+        let read = |player: &mut Self, quantity| match player.read(quantity) {
+            Ok(numbers) => Ok(numbers.as_chunks::<D>().0.to_vec()),
+            Err(error) => Err(error.to_string()),
         };
-        let mut force = force.unwrap_or_else(|| vec![0.0; x.len() * D]);
-        push.add_to(force.as_chunks_mut().0, x, v, self.frame_dt());
-        Ok(Some(force))
+        let x = read(self, Quantity::Positions)?;
+        let v = read(self, Quantity::Velocities)?;
+        let frame = self.frame();
+        let mut force = None;
+        if let Some(mut following) = self.following.take() {
+            let (ids, x, v) = (self.ids(), &x[..], &v[..]);
+            let led = following.force(frame, Present { ids, x, v });
+            self.following = Some(following);
+            force = led.map_err(|error| error.to_string())?;
+        }
+        if let Some(push) = push {
+            let all = force.get_or_insert_with(|| vec![[0.0; D]; x.len()]);
+            push.add_to(all, &x, &v, self.frame_dt());
+        }
+        Ok(force.map(Vec::into_flattened))
     }
 
     /// Advances the particles that are simulated; as the library does, a frame that fails at a coarse level's step is

@@ -100,25 +100,31 @@ def _weights(**arrays: Array) -> Array:
     return _native.answer_weights(**arrays, **numbers, lower=(0.1, 0.1), upper=(0.9, 0.9))
 
 
-TRACKS = {
+CELLS = RNG.uniform(size=(9 * N, 2))
+ROOM = RNG.uniform(0.1, 1.0, (9, 7))
+IDS = np.arange(N, dtype=np.uint64)
+WAYS = {
+    "ids": IDS,
+    "weight": np.full(N, 1 / N),
     "starts": np.array([0, 2, 4], dtype=np.uint32),
-    "times": np.array([0, 1, 0, 2], dtype=np.float32),
-    "x": X[:4],
-    "v": V[:4],
-    "path": (np.arange(N) % 2).astype(np.uint32),
-    "offset": V,
+    "times": np.array([0.0, 1.0, 0.0, 2.0]),
+    "corners": X[:4].astype(float),
+    "v": V[:4].astype(float),
+    "group": (np.arange(N) % 2).astype(np.uint32),
+    "places": (X + V).astype(float),
+    "cells": CELLS,
+    "distance": ROOM,
 }
 
 
-def _tracks(**arrays: Array) -> _native.Tracks:
-    numbers = {"shortest": 0.1, "ahead": 0.1, "cells": 8, "cap": 50.0}
-    return _native.Tracks(gravity=(0, -9.8), **numbers, **arrays)
+def _ways(**arrays: Array) -> _native.Ways:
+    numbers = {"frame_dt": 0.1, "smoothing": 8, "cap": 50.0, "ahead": 1, "unit": 1.0, "end": None}
+    grid = {"lower": (0, 0), "spacing": 0.1, "side": 0.1, "settling": (2, 9)}
+    return _native.Ways(gravity=(0, -9.8), **numbers, **grid, **arrays)
 
 
-FORCED = {"x": X, "v": V, "mass": ONE, "rows": np.arange(N, dtype=np.uint32)[::-1].copy()}
+PRESENT = {"ids": IDS, "x": X, "v": V}
 FORCE = RNG.normal(size=(3, N, 2)).astype(np.float32)
-CELLS = RNG.uniform(size=(9 * N, 2))
-ROOM = RNG.uniform(0.1, 1.0, (9, 7))
 WALLS = {"sites": X[:4], "jitter": np.zeros((3, 4, 2), dtype=np.float32)}
 NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
     "Obstacle.signed_distance": (BALL.signed_distance, {"x": X}),
@@ -169,8 +175,8 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
         ),
         {"x": X, "v": V},
     ),
-    "Tracks.__new__": (lambda **a: _tracks(**a).force(X, V, ONE, 0.3), TRACKS),
-    "Tracks.force": (lambda **a: _tracks(**TRACKS).force(time=0.3, **a), FORCED),
+    "Ways.__new__": (lambda **a: _ways(**a).force(3, **PRESENT), WAYS),
+    "Ways.force": (lambda **a: _ways(**WAYS).force(3, **a), PRESENT),
 }
 SCENE = scenarios.water_2d(seed=1)
 COUNT = MpmSolver(SCENE).particle_count

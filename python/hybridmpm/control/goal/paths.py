@@ -14,9 +14,7 @@ from hybridmpm.control.goal.room import Room, RoomGrid
 from hybridmpm.control.sketch.sketch import Arrow, depth_of_width
 from hybridmpm.scene import Walls
 
-SHORTEST_FRAMES = 15
-"""Shortest remaining time of a plan [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they
-do not."""
+SHORTEST_FRAMES = _core.SHORTEST_FRAMES
 _SHARE = 0.95
 """Share of the mass that a needed acceleration is given for, so that a few drops far off do not set it."""
 _TOLERANCE = 0.008
@@ -154,9 +152,10 @@ class Paths:
         A place is the mean of some cells. With the side of a cell [m], places between two arms of a shape are
         moved into a cell.
         """
-        found = _core.match_to_region(cloud.x, cells, None if grid is None else grid.space)
-        places = found.places if side is None else _kept(found.places, cells, side)
-        return cls.of_groups(cloud, places, found.group, found.way_starts, found.ways, cut_off=found.cut_off)
+        found = _core.match_to_region(cloud.x, cells, None if grid is None else grid.space, side)
+        return cls.of_groups(
+            cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
+        )
 
     @classmethod
     def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Paths":
@@ -317,20 +316,6 @@ class Paths:
         return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
 
 
-def _kept(places: Floats, cells: Floats, side: float) -> Floats:
-    """Return places (N, D) [m], those in no cell (M, D) of a side [m] moved to the middle of the nearest."""
-    corner = cells.min(axis=0)
-    node = np.round((cells - corner) / side).astype(np.int64)
-    shape = node.max(axis=0) + 1
-    taken = np.zeros(shape, dtype=bool)
-    taken[tuple(node.T)] = True
-    index = np.clip(np.round((places - corner) / side).astype(np.int64), 0, shape - 1)
-    moved = places.copy()
-    for place in np.flatnonzero(~taken[tuple(index.T)]):
-        moved[place] = cells[np.argmin(((cells - places[place]) ** 2).sum(axis=1))]
-    return moved
-
-
 def spline_velocities(times: Floats, corners: Floats, start: Floats, end: Floats) -> Floats:
     """Return the velocities (G, K, D) in the corners of cubic splines that share their times (K,).
 
@@ -359,22 +344,6 @@ class Motion:
     """Time of each corner (K,), from 0 on [s]."""
     v: Floats
     """Velocity in each corner (K, D) [m/s]."""
-
-    def onward(self, seconds: float) -> "Motion":
-        """Return the motion gone on for a time with the velocity at its end, where it has one."""
-        paths = self.paths
-        if paths.end is None:
-            return self
-        last, count = paths.starts[1:].astype(int), np.arange(len(paths.weight) + 1, dtype=np.uint32)
-        way = seconds * paths.end
-        longer = dataclasses.replace(
-            paths,
-            places=paths.places + way,
-            starts=paths.starts + count,
-            corners=np.insert(paths.corners, last, paths.corners[last - 1] + way, axis=0),
-        )
-        times = np.insert(self.times, last, self.times[last - 1] + seconds)
-        return Motion(longer, times, np.insert(self.v, last, self.v[last - 1], axis=0))
 
     def effort(self, gravity: Floats) -> "Effort":
         """Return the accelerations of the motion besides gravity, in g."""

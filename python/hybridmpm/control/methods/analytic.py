@@ -1,7 +1,7 @@
 """Guidance without weights: optimal transport to the goal, and the least force along the paths."""
 
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.laws import Settled, Tracked
+from hybridmpm.control.laws import Settling, Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.simulator import Simulator
 
@@ -24,15 +24,15 @@ class Analytic:
 
     name = "analytic"
 
-    def plan(self, simulator: Simulator, task: Task) -> Tracked | Settled:  # noqa: ARG002 - the goal contains the state
+    def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal contains the state
         """Return the law along the paths of the goal."""
         goal = task.goal
         if not goal.settles or goal.region is None:
             return task.tracked(goal.paths, share=arrival(task, goal.paths))
         start = goal.moving(task.frames)
-        tracked = task.tracked(goal.moved(task.frames), share=start / task.frames)
         region = goal.region
-        return Settled(tracked, region.cells, region.side, start, task.frames, goal.paths.end)
+        settling = Settling(cells=region.cells, side=region.side, settling=(start, task.frames))
+        return task.tracked(goal.moved(task.frames), share=start / task.frames, settling=settling)
 
 
 def arrival(task: Task, paths: Paths, early: float = _EARLY) -> float:

@@ -8,7 +8,7 @@ from hybridmpm.control.goal.cloud import EARTH
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.laws import Law, Tracked
+from hybridmpm.control.laws import Law, Settling, Tracked
 from hybridmpm.simulator import Simulator
 
 
@@ -38,8 +38,11 @@ class Task:
         """`cap` in m/s^2."""
         return self.cap * EARTH
 
-    def tracked(self, paths: Paths, *, share: float = 1.0) -> Tracked:
-        """Return the law that leads the particles along paths, within a share of the frames of the task."""
+    def tracked(self, paths: Paths, *, share: float = 1.0, settling: Settling | None = None) -> Tracked:
+        """Return the law that leads the particles along paths, within a share of the frames of the task.
+
+        `settling` is as of `Tracked.along`.
+        """
         cloud = self.goal.cloud
         return Tracked.along(
             paths.timed(share * self.frames * cloud.frame_dt),
@@ -48,6 +51,7 @@ class Task:
             cap=self.cap_si,
             grid=self.goal.room.grid(),
             unit=self.goal.room.unit,
+            settling=settling,
         )
 
 

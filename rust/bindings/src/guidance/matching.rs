@@ -1,5 +1,6 @@
 //! `match_to_region`: a place for each particle.
 
+use ::guidance::{FreeSpace, Matching, in_cells};
 use numpy::{IntoPyArray, Ix2, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -19,7 +20,7 @@ pub struct PyMatching {
 }
 
 impl PyMatching {
-    fn of<const D: usize>(py: Python<'_>, found: ::guidance::Matching<D>) -> PyResult<Self> {
+    fn of<const D: usize>(py: Python<'_>, found: Matching<D>) -> PyResult<Self> {
         let mut starts = vec![0];
         starts.extend(found.ways.iter().scan(0, |end, way| {
             *end += way.len() as u32;
@@ -39,13 +40,26 @@ impl PyMatching {
 
 /// Gives each particle a place in a region.
 #[pyfunction]
-#[pyo3(signature = (x, cells, space=None))]
+#[pyo3(signature = (x, cells, space=None, side=None))]
 pub fn match_to_region(
     py: Python<'_>,
     x: &Bound<'_, PyAny>,
     cells: &Bound<'_, PyAny>,
     space: Option<PyRef<'_, PyFreeSpace>>,
+    side: Option<f64>,
 ) -> PyResult<PyMatching> {
+    fn matched<const D: usize>(
+        [x, cells]: [&[f64]; 2],
+        space: Option<&FreeSpace<D>>,
+        side: Option<f64>,
+    ) -> PyResult<Matching<D>> {
+        let cells = rows(cells);
+        let mut found = ::guidance::match_to_region(&rows(x), &cells, space).map_err(raised)?;
+        if let Some(side) = side {
+            in_cells(&mut found.places, &cells, side);
+        }
+        Ok(found)
+    }
     let x = array::<f64, Ix2>("x", "float64 of shape (N, D)", x)?;
     let dim = dim_of("x", x.shape()[1])?;
     let cells = points("cells", cells, dim)?;
@@ -57,9 +71,7 @@ pub fn match_to_region(
                 Some(AnySpace::Plane(room)) => Some(room),
                 _ => None,
             };
-            let found = interruptible(py, || {
-                ::guidance::match_to_region(&rows::<2, _>(x), &rows(cells), room).map_err(raised)
-            })?;
+            let found = interruptible(py, || matched::<2>([x, cells], room, side))?;
             PyMatching::of(py, found)
         }
         (3, None | Some(AnySpace::Space(_))) => {
@@ -67,9 +79,7 @@ pub fn match_to_region(
                 Some(AnySpace::Space(room)) => Some(room),
                 _ => None,
             };
-            let found = interruptible(py, || {
-                ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room).map_err(raised)
-            })?;
+            let found = interruptible(py, || matched::<3>([x, cells], room, side))?;
             PyMatching::of(py, found)
         }
         _ => Err(other_dimension(dim)),

@@ -1,4 +1,4 @@
-//! Guidance of particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Tracks`,
+//! Guidance of particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Ways`,
 //! `push_force`.
 
 mod arrays;
@@ -6,10 +6,10 @@ mod free_space;
 mod matching;
 mod push;
 mod timing;
-mod tracks;
+mod ways;
 
 pub use free_space::PyFreeSpace;
 pub use matching::{PyMatching, match_to_region};
 pub use push::push_force;
 pub use timing::{PyTiming, least_acceleration};
-pub use tracks::PyTracks;
+pub use ways::PyWays;

@@ -68,3 +68,15 @@ fn a_region_of_too_few_cells_is_refused() {
     let error = match_to_region(&[[0.5, 0.5]; 20], &[[0.5, 0.5]; 3], None).unwrap_err();
     assert_eq!(error.name, "cells");
 }
+
+#[test]
+fn places_between_two_arms_are_moved_into_a_cell() {
+    let mut cells = lattice([0.1, 0.1], 0.01, 5, 20);
+    cells.extend(lattice([0.2, 0.1], 0.01, 5, 20));
+    let mut places = vec![[0.121, 0.133], [0.156, 0.15], [0.19, 0.2]];
+    in_cells(&mut places, &cells, 0.01);
+    let moved = [[0.121, 0.133], [0.14, 0.15], [0.2, 0.2]];
+    for (place, moved) in places.iter().zip(moved) {
+        assert!(square_distance(place, &moved) < 1e-20, "{places:?}");
+    }
+}

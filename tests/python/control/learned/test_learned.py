@@ -43,8 +43,7 @@ def ends(guidance: Guidance) -> np.ndarray[Any, Any]:
     """Return where the law leads the particles (N, D)."""
     law = guidance.law
     assert isinstance(law, Tracked)
-    last = law.x[law.starts[1:].astype(int) - 1]
-    return np.asarray(last[law.path] + law.offset, dtype=np.float64)
+    return law.places
 
 
 def test_the_plan_has_what_the_sketch_tells(solver: MpmSolver, network_file: NetworkFile) -> None:
