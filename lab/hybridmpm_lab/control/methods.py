@@ -79,7 +79,12 @@ def methods_of(names: tuple[str, ...]) -> Methods:
 
 
 def takes_part(name: str, family: str) -> bool:
-    """Return whether a method runs on the cases of a family."""
+    """Return whether a method runs on the cases of a family.
+
+    Neither generated forces nor the past of a fluid know shapes.
+    """
+    if family in ("shape", "sequence"):
+        return name.partition("-")[0] not in ("none", "controlnet", "backcast", ORACLE)
     return name != ORACLE or family == "reversed"
 
 

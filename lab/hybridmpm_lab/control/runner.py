@@ -1,7 +1,8 @@
 """The runner: prepares cases, runs each method on each, and keeps the rows; an interrupted run is resumed."""
 
+import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Sequence as Several
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import Method, Oracle, Sketch, follow, prepare, reversed_case
+from hybridmpm.control import (
+    Following,
+    Keyframe,
+    Method,
+    Oracle,
+    Sketch,
+    follow,
+    prepare,
+    prepare_keyframes,
+    reversed_case,
+)
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
@@ -66,7 +77,7 @@ class ControlSettings:
         if not found:
             raise ConfigError(
                 f"the families {', '.join(self.family)} have no sketches in {', '.join(self.scenario)}: bent "
-                "and gather leave out ramps, reversed has water and sand in 2D and 3D"
+                "and gather leave out ramps; reversed, shape and sequence have water and sand in 2D and 3D"
             )
         return found
 
@@ -88,8 +99,8 @@ class Problem:
     case: Case
     simulator: MpmSolver
     """State on which the sketch was drawn; methods get copies."""
-    sketch: Sketch
-    meant: Sketch
+    sketch: Sketch | tuple[Keyframe, ...]
+    meant: Sketch | tuple[Keyframe, ...]
     """The sketch that runs are judged by; in the family `hand` the one before a hand drew it."""
     truth: npt.NDArray[np.float32] | None = None
     """True positions (N, D) [m] at the end of control; None outside of the reversed family."""
@@ -101,14 +112,19 @@ class Problem:
         return None if self.truth is None else HORIZON
 
     @cached_property
-    def goal(self) -> Goal:
-        """Goal of the sketch."""
-        return prepare(self.simulator, self.sketch, method="none", frames=self.frames, gentle=False).goal
+    def goals(self) -> list[Goal]:
+        """Goal of the sketch, or of each of several from the state at the start."""
+        return self._goals(self.sketch)
 
     @cached_property
-    def judged(self) -> Goal:
-        """Goal of the meant sketch."""
-        return prepare(self.simulator, self.meant, method="none", frames=self.frames, gentle=False).goal
+    def judged(self) -> list[Goal]:
+        """Goals of the meant sketch."""
+        return self._goals(self.meant)
+
+    def _goals(self, sketch: Sketch | tuple[Keyframe, ...]) -> list[Goal]:
+        several = [one.goal for one in sketch] if isinstance(sketch, tuple) else [sketch]
+        plain: Row = {"method": "none", "frames": self.frames, "gentle": False}
+        return [prepare(self.simulator, one, **plain).goal for one in several]
 
 
 def problem(case: Case) -> Problem:
@@ -119,7 +135,7 @@ def problem(case: Case) -> Problem:
             control_frame=_control_frame(case.seed),
             frames=HORIZON,
             start="live",
-            kind=case.kind,
+            kind="arrow" if case.kind == "arrow" else "oval",
             cap=ORACLE_CAP,
             substeps="cfl",
         )
@@ -143,11 +159,18 @@ def run(problem: Problem, name: str, method: Method | None) -> tuple[Row, Looks]
     figures: Row = {}
     failed = None
     if name == FILLED:
-        end = problem.goal.paths.places
-        figures = end_figures(problem.simulator, problem.judged, problem.truth, end, end)
+        ends = [
+            end_figures(problem.simulator, judged, problem.truth, goal.paths.places, goal.paths.places)
+            for goal, judged in zip(problem.goals, problem.judged, strict=True)
+        ]
+        figures = _mean(ends)
     else:
         try:
-            figures, looks = _followed(problem, name, method or problem.oracle or name)
+            led = method or problem.oracle or name
+            if isinstance(problem.sketch, tuple):
+                figures = _followed_in_turn(problem, problem.sketch, name, led)
+            else:
+                figures, looks = _followed(problem, problem.sketch, name, led)
         except Exception as error:
             # A wrong force raises an error of both kinds.
             if isinstance(error, ConfigError) or not isinstance(error, SimulationError):
@@ -196,7 +219,7 @@ def run_key(case: Case, name: str) -> Key:
     return case.family, case.scenario, case.kind, case.seed, name
 
 
-def rows_of(cases: Sequence[Case], methods: Methods, store: RowStore) -> list[Row]:
+def rows_of(cases: Several[Case], methods: Methods, store: RowStore) -> list[Row]:
     """Return the rows of the runs that the store has."""
     keys = (run_key(case, name) for case in cases for name in methods)
     return [store[key]["run"] for key in keys if key in store]
@@ -207,13 +230,13 @@ def _missing(settings: ControlSettings, case: Case, store: RowStore) -> list[str
     return [name for name in names if run_key(case, name) not in store]
 
 
-def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, Looks]:
+def _followed(problem: Problem, sketch: Sketch, name: str, method: Method | str) -> tuple[Row, Looks]:
     """Return figures, and features of some frames."""
     twin = problem.simulator.copy()
     settings: Row = {"frames": problem.frames, "cap": ORACLE_CAP if name == ORACLE else CAP}
     settings |= {"gentle": False, "hold": HOLD, "seed": problem.case.seed}
     start = time.perf_counter()
-    following = follow(twin, problem.sketch, method, **settings)
+    following = follow(twin, sketch, method, **settings)
     guidance, frames = following.guidance, following.guidance.frames
     moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}
     figures: Row = {"handed_over": float(guidance.method != name), "plan_ms": guidance.planning_ms}
@@ -229,11 +252,46 @@ def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, L
             start += time.perf_counter() - now  # A look is no part of the run.
     result = following.result
     end = result.positions[frames]
-    figures |= end_figures(twin, problem.judged, problem.truth, end, result.positions[-1])
+    figures |= end_figures(twin, problem.judged[0], problem.truth, end, result.positions[-1])
     figures |= force_figures(guidance.goal, [result.force_at(index) for index in range(frames)])
     if problem.case.kind == "arrow":
-        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
+        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged[0].path)
     return figures, looks
+
+
+def _followed_in_turn(
+    problem: Problem, keyframes: tuple[Keyframe, ...], name: str, method: Method | str
+) -> Row:
+    """Return figures of several goals in turn: means over the goals, each where it is passed."""
+    twin = problem.simulator.copy()
+    several = [*keyframes[:-1], dataclasses.replace(keyframes[-1], hold=HOLD)]
+    start = time.perf_counter()
+    sequence = prepare_keyframes(twin, several, method, cap=CAP, gentle=False, seed=problem.case.seed)
+    figures: Row = {"plan_ms": sequence.planning_ms}
+    passed: list[Row] = []
+    forces: list[npt.NDArray[np.float32]] = []
+    for done, frame in enumerate(Following(twin, sequence), start=1):
+        if done == 1:
+            figures["first_frame_ms"] = 1000 * (time.perf_counter() - start)
+        forces.append(frame.force)
+        if done == sequence.legs[sequence.number].arrival:
+            x = frame.positions
+            row = end_figures(twin, sequence.goal, None, x, x if done == sequence.frames else None)
+            row |= force_figures(sequence.goal, forces) | {"handed_over": float(sequence.method != name)}
+            passed.append(row)
+            forces = []
+    figures["total_ms"] = 1000 * (time.perf_counter() - start)
+    later = end_figures(twin, sequence.goal, None, twin.positions, twin.positions)
+    return figures | _mean(passed) | {"inside_later": later["inside_later"]}
+
+
+def _mean(rows: Several[Row]) -> Row:
+    """Return the mean of each figure over the rows that have it, the largest of `peak_g`."""
+    found: Row = {}
+    for name in dict.fromkeys(name for row in rows for name in row):
+        values = [row[name] for row in rows if row[name] is not None]
+        found[name] = (max if name == "peak_g" else np.mean)(values) if values else None
+    return found
 
 
 def _look(simulator: Simulator) -> list[float]:

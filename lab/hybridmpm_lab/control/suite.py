@@ -7,28 +7,38 @@ import json
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import Arrow, Ellipse, StrokeSketch, parse_png, render_png
+from hybridmpm.control import (
+    Arrow,
+    Ellipse,
+    Keyframe,
+    Shape,
+    Sketch,
+    StrokeSketch,
+    parse_png,
+    render_png,
+)
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.scene import BallObstacle, Box, BoxObstacle, Polygon, Scene, SegmentObstacle
+from hybridmpm_lab.control.outlines import OUTLINES, outline
 
-VERSION = 2
+VERSION = 3
 """Version of the suite; raised whenever a case changes."""
 
-Family = Literal["reversed", "free", "bent", "obstacles", "gather", "hand"]
-Kind = Literal["oval", "arrow"]
+Family = Literal["reversed", "free", "bent", "obstacles", "gather", "hand", "shape", "sequence"]
+Kind = Literal["oval", "arrow", "shape", "sequence"]
 
 FAMILIES: tuple[Family, ...] = get_args(Family)
 SETTINGS = ("water_2d", "sand_2d", "water_3d", "sand_3d")
 """Scenarios of the reversed family, the paper's four settings."""
 _OPEN = tuple(name for name in scenarios.NAMES if "ramps" not in name)
-_BOTH: tuple[Kind, ...] = get_args(Kind)
+_BOTH: tuple[Kind, ...] = ("oval", "arrow")
 _SUITE: dict[Family, tuple[tuple[str, ...], tuple[Kind, ...], range]] = {
     "reversed": (SETTINGS, _BOTH, range(1_200_000, 1_200_060)),
     "free": (scenarios.NAMES, ("oval",), range(1_210_000, 1_210_010)),
@@ -36,6 +46,8 @@ _SUITE: dict[Family, tuple[tuple[str, ...], tuple[Kind, ...], range]] = {
     "obstacles": (scenarios.NAMES, ("oval",), range(1_230_000, 1_230_010)),
     "gather": (_OPEN, ("oval",), range(1_240_000, 1_240_010)),
     "hand": (("water_2d", "sand_2d", "water_sand_2d"), _BOTH, range(1_245_000, 1_245_005)),
+    "shape": (SETTINGS, ("shape",), range(1_250_000, 1_250_020)),
+    "sequence": (SETTINGS, ("sequence",), range(1_255_000, 1_255_010)),
 }
 """Scenarios, kinds of sketches and seeds of each family.
 
@@ -53,12 +65,14 @@ less than 5 cm in the 100 frames, and a sketch would describe no motion."""
 _Floats = npt.NDArray[np.float64]
 _Corners = tuple[_Floats, _Floats]
 
-_SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4, "hand": 5}
+_SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4, "hand": 5, "shape": 6, "sequence": 7}
 _AMOUNT = {2: 0.052, 3: 0.00145}  # Volume of fluid by dimension [m^D]: 3400 particles in 2D, 3000 in 3D
 _CENTERS = np.array([0.35, 0.4]), np.array([0.65, 0.65])
 """Corners of the box in which free ovals have their centres [m]."""
 _BESIDE = 0.16  # Distance of an oval's centre from the ramp beside it [m]
 _CLEAR = 0.07  # Wanted distance of such a centre from all ramps [m]
+_SHAPE_DEPTH = 0.07  # Depth of a shape in 3D before it gets room [m]: four to five cells
+_MARGIN = 0.14  # Least distance of a shape's lines from the edge of the world [m]
 # Letters as strokes, boxes (left, bottom, right, top) in units of the letter's height.
 _BAR = 0.2
 _LETTERS = (
@@ -77,7 +91,8 @@ class Start:
 
     scene: Scene
     frame: int
-    sketch: StrokeSketch
+    sketch: Sketch | tuple[Keyframe, ...]
+    """One, or several in turn."""
     meant: StrokeSketch | None = None
     """The sketch before a hand drew it, where `sketch` is read from the hand's picture."""
 
@@ -97,7 +112,14 @@ class Case:
         draw = _Drawing(self.scenario, self.seed, np.random.default_rng(salt))
         if self.family == "hand":
             return _by_hand(draw, self.kind)
-        families = {"free": _free, "bent": _bent, "obstacles": _obstacles, "gather": _gathered}
+        families = {
+            "free": _free,
+            "bent": _bent,
+            "obstacles": _obstacles,
+            "gather": _gathered,
+            "shape": _shaped,
+            "sequence": _in_turn,
+        }
         return families[self.family](draw)
 
 
@@ -136,18 +158,25 @@ def _entry(case: Case) -> list[object]:
     if case.family == "reversed":
         return [*head, scenarios.get(case.scenario, case.seed).model_dump(mode="json", exclude_defaults=True)]
     start = case.start()
-    sketch = start.sketch
-    numbers = (
-        [*sketch.center, *sketch.axes, sketch.angle, sketch.width or 0.0]
-        if isinstance(sketch, Ellipse)
-        else sketch.points.ravel()
-    )
+    several = start.sketch if isinstance(start.sketch, tuple) else (Keyframe(start.sketch),)
+    numbers = [number for keyframe in several for number in _numbers(keyframe)]
     return [
         *head,
         start.scene.model_dump(mode="json", exclude_defaults=True),
         start.frame,
         np.round(numbers, 9).tolist(),
     ]
+
+
+def _numbers(keyframe: Keyframe) -> list[float]:
+    """Return the numbers of a sketch, and the frames for which it is held."""
+    sketch = keyframe.goal
+    held = [float(keyframe.hold)] if keyframe.hold else []
+    if isinstance(sketch, Ellipse):
+        return [*sketch.center, *sketch.axes, sketch.angle, sketch.width or 0.0, *held]
+    if isinstance(sketch, Shape):
+        return [*np.concatenate(sketch.outlines).ravel(), sketch.width or 0.0, *held]
+    return [*sketch.points.ravel(), *held]
 
 
 class _Drawing:
@@ -213,6 +242,17 @@ class _Drawing:
         angle, width = rng.uniform(0, math.pi), float(rng.uniform(7, 15))
         return Ellipse(drawn if center is None else center, axes, angle, None if self.dim == 2 else width)
 
+    def shape(self, scene: Scene, name: str) -> Shape:
+        """Draw a shape of 0.95 to 1.1 times the fluid's area, in 3D some cells deep."""
+        rng = self.rng
+        volume = sum(body.measure for body in scene.bodies) * rng.uniform(0.95, 1.1)
+        area = volume if self.dim == 2 else volume / _SHAPE_DEPTH
+        center, turn = rng.uniform(*_CENTERS), rng.uniform(-0.25, 0.25)
+        made = outline(name, area, center, turn, None if self.dim == 2 else 11.0)
+        low, high = made.bounds
+        within = np.clip(0, _MARGIN - low, None) + np.clip(0, None, 1 - _MARGIN - high)
+        return Shape(tuple(line + within for line in made.outlines), made.width)
+
 
 def _free(draw: _Drawing) -> Start:
     """Draw a layer on the floor or a heap, or a scene of the scenario in motion, and an oval in the air."""
@@ -236,13 +276,39 @@ def _free(draw: _Drawing) -> Start:
 def _by_hand(draw: _Drawing, kind: str) -> Start:
     """Draw a start of `free`, and the reading of a hand's picture of an oval or of an arrow upwards."""
     start, rng = _free(draw), draw.rng
-    meant = start.sketch
+    meant = cast("StrokeSketch", start.sketch)
     if kind == "arrow":
         tail = rng.uniform([0.35, 0.2], [0.65, 0.35])
         tip = tail + rng.uniform([-0.2, 0.2], [0.2, 0.34])
         meant = Arrow(np.linspace(tail, tip, 40))
     _, picture = distort(meant, random_hand(rng, meant.kind), rng)
     return Start(start.scene, start.frame, parse_png(render_png(picture)), meant)
+
+
+def _shaped(draw: _Drawing) -> Start:
+    """Draw a start of `free`, and one of the outlines, the next one with each seed."""
+    start = _free(draw)
+    name = [*OUTLINES][draw.seed % len(OUTLINES)]
+    return Start(start.scene, start.frame, draw.shape(start.scene, name))
+
+
+def _in_turn(draw: _Drawing) -> Start:
+    """Draw a start of `free`, and three goals: two outlines, and an oval, an arrow or a third outline."""
+    start, rng = _free(draw), draw.rng
+    names = rng.permutation([*OUTLINES])
+    goals: list[Sketch] = [draw.shape(start.scene, str(name)) for name in names[:3]]
+    if draw.seed % 3 == 0:
+        goals[1] = draw.oval(start.scene)
+    elif draw.seed % 3 == 1:
+        tail = goals[1].center if isinstance(goals[1], Shape) else _CENTERS[0]
+        tip = np.clip(tail + rng.uniform([-0.15, -0.1], [0.15, 0.1]), *_CENTERS)
+        goals[2] = Arrow(np.linspace(tail, tip, 20))
+    holds = [int(20 * rng.integers(2)) for _ in goals[1:]]
+    return Start(
+        start.scene,
+        start.frame,
+        tuple(Keyframe(goal, hold=hold) for goal, hold in zip(goals, [*holds, 0], strict=True)),
+    )
 
 
 def _bent(draw: _Drawing) -> Start:

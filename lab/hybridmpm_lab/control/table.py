@@ -286,7 +286,8 @@ control = Measurement(
     summary="""Compare methods of control on a fixed suite of sketches.
 
     The families are: states that are led back to where they came from (reversed), free ovals, bent arrows,
-    ovals behind obstacles, fluid in pieces that is to be gathered, and ovals and arrows as a hand draws them.
+    ovals behind obstacles, fluid in pieces that is to be gathered, ovals and arrows as a hand draws them,
+    shapes, and three goals in turn.
     With --runs an interrupted command is resumed.
     """,
 ).command()

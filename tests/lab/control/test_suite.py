@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import Box, MpmSolver, Scene, scenarios
-from hybridmpm.control import Arrow, Ellipse, prepare
+from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, prepare
 from hybridmpm.control.goal.room import Room
 from hybridmpm_lab.control.measures import (
     FEATURES,
@@ -18,12 +18,14 @@ from hybridmpm_lab.control.measures import (
     force_figures,
     recognised,
 )
+from hybridmpm_lab.control.outlines import OUTLINES
 from hybridmpm_lab.control.runner import Problem, problem, run
 from hybridmpm_lab.control.suite import Case, cases, digest
 
 pytestmark = pytest.mark.needs("ot", "metrics")
 
-DRAWN = [case for case in cases() if case.family != "reversed"]
+IN_TURN = cases(["shape", "sequence"])
+DRAWN = [case for case in cases() if case.family != "reversed" and case not in IN_TURN]
 OVAL = Ellipse(np.array([0.5, 0.6]), np.array([0.12, 0.1]), 0.3)
 
 
@@ -36,17 +38,18 @@ def block() -> MpmSolver:
     return solver
 
 
-def test_the_suite_has_670_sketches_of_seeds_of_tests() -> None:
+def test_the_suite_has_790_sketches_of_seeds_of_tests() -> None:
     every = cases()
-    assert len(set(every)) == len(every) == 670
+    assert len(set(every)) == len(every) == 790
     assert min(case.seed for case in every) > 1_100_000
     counts = {family: len(cases([family])) for family in dict.fromkeys(case.family for case in every)}
-    assert counts == {"reversed": 400, "free": 70, "bent": 50, "obstacles": 70, "gather": 50, "hand": 30}
+    drawn = {"free": 70, "bent": 50, "obstacles": 70, "gather": 50, "hand": 30, "shape": 80, "sequence": 40}
+    assert counts == {"reversed": 400, **drawn}
     assert len(cases(["reversed"], ["sand_3d"], seeds=3)) == 6
 
 
 def test_the_digest_is_that_of_the_published_suite() -> None:
-    assert digest() == "6dbcee0e0dfbdc04"
+    assert digest() == "c908368cd5443b6c"
 
 
 def test_every_start_fits_its_scenario_and_its_sketch_the_room() -> None:
@@ -62,6 +65,32 @@ def test_every_start_fits_its_scenario_and_its_sketch_the_room() -> None:
         inside = np.append(middle, [0.5] * (info.dim - 2))[None]
         assert Room(start.scene, 0.0).is_free(inside).all(), case
         assert bool(start.scene.obstacles) == (case.family == "obstacles" or "ramps" in case.scenario)
+
+
+def test_shapes_lie_within_the_walls_and_have_about_the_area_of_the_fluid() -> None:
+    for case in IN_TURN:
+        start = case.start()
+        volume = sum(body.measure for body in start.scene.bodies)
+        several = start.sketch if isinstance(start.sketch, tuple) else [Keyframe(start.sketch)]
+        assert len(several) == (3 if case.family == "sequence" else 1)
+        for keyframe in several:
+            if isinstance(keyframe.goal, Shape):
+                assert not keyframe.goal.crosses_itself, case
+                assert (np.abs(np.array(keyframe.goal.bounds) - 0.5) < 0.37).all(), case
+                size = keyframe.goal.area * (1.0 if start.scene.dim == 2 else 0.07) / volume
+                assert 0.94 < size < 1.11, case
+    assert len({case.seed for case in cases(["shape"])}) == len(OUTLINES) == 20
+
+
+def test_three_goals_in_turn_are_measured_where_each_is_passed() -> None:
+    ready = problem(Case("sequence", "water_2d", "sequence", 1_255_000))
+    floor, row = (run(ready, name, None)[0] for name in ("filled", "analytic"))
+    assert (floor["inside"], floor["transport"]) == (1.0, 0.0)
+    assert row["inside"] > 0.95
+    assert row["handed_over"] == 0.0
+    assert row["transport"] < 0.01
+    # Networks follow no shapes.
+    assert run(ready, "learned", None)[0]["handed_over"] > 0.6
 
 
 def test_the_reading_of_a_hand_is_near_to_the_sketch_before_it() -> None:
