@@ -22,7 +22,6 @@ from hybridmpm import (
 from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.paths import Motion, arrow_path
 from hybridmpm.control.goal.region import Fill, Oval
-from hybridmpm.control.laws import Tracked
 
 
 def _solver(dim: int = 2, **more: Any) -> MpmSolver:
@@ -116,22 +115,13 @@ def test_ways_lead_around_obstacles() -> None:
     assert not goal.paths.cut_off.any()
 
 
-def test_a_goal_behind_an_obstacle_is_aimed_at_early_if_the_cap_allows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    along, ends = Tracked.along, []
-
-    def noted(motion: Motion, *args: Any, **settings: Any) -> Tracked:
-        ends.append(motion.times.max())
-        return along(motion, *args, **settings)
-
-    monkeypatch.setattr(Tracked, "along", noted)
+def test_a_goal_behind_an_obstacle_is_aimed_at_early_if_the_cap_allows(motions: list[Motion]) -> None:
     ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.7, 0.45), thickness=0.04)
     behind, free = _solver(obstacles=[ramp]), _solver()
 
     def end(solver: MpmSolver, **settings: Any) -> float:
         prepare(solver, _oval(0.3, 0.7), frames=200, **settings)
-        return float(ends[-1] / (200 * solver.scene.frame_dt))
+        return float(motions[-1].times.max() / (200 * solver.scene.frame_dt))
 
     assert end(behind) == pytest.approx(0.85, abs=1e-3)
     assert end(behind, cap=3.0) == pytest.approx(1.0, abs=1e-3)

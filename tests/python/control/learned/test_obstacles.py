@@ -12,7 +12,9 @@ import pytest
 from hybridmpm import MpmSolver, Scene, scenarios
 from hybridmpm.control import Arrow, Ellipse, Guidance, follow, prepare
 from hybridmpm.control.goal.cloud import Cloud
+from hybridmpm.control.goal.paths import Motion
 from hybridmpm.control.goal.room import Room
+from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.learned.features import SCALE, Aim, State, channels, distances, inputs
 from hybridmpm.control.methods.learned.plan import Learned
 from hybridmpm.control.methods.learned.spec import CELLS
@@ -91,20 +93,19 @@ def planned(scene: Scene, path: Path, sketch: Any, **settings: Any) -> Guidance:
 
 
 @pytest.mark.parametrize("sketch", [UPPER, BEYOND])
-def test_ways_lead_around_a_post(sketch: Any, network_file: NetworkFile) -> None:
+def test_ways_lead_around_a_post(sketch: Any, network_file: NetworkFile, motions: list[Motion]) -> None:
     """The network by hand keeps the shape, so straight ways would lead through the post."""
     scene = scene_with(POST)
     guidance = planned(scene, network_file(scenario="water_ramps_2d"), sketch)
     assert guidance.method == "learned", guidance.reason
-    law: Any = guidance.law
-    starts = law.starts.astype(int)
+    corners, starts = motions[-1].paths.corners, motions[-1].paths.starts.astype(int)
     room = Room(scene, 0.0)
-    straight = np.linspace(law.x[starts[:-1]], law.x[starts[1:] - 1], 40)
+    straight = np.linspace(corners[starts[:-1]], corners[starts[1:] - 1], 40)
     assert (room.distance(straight.reshape(-1, 2)) < 0).reshape(40, -1).any(axis=0).mean() > 0.5
     gone = [
         np.linspace(a, b, 20)
         for first, last in itertools.pairwise(starts)
-        for a, b in zip(law.x[first : last - 1], law.x[first + 1 : last], strict=True)
+        for a, b in zip(corners[first : last - 1], corners[first + 1 : last], strict=True)
     ]
     assert (room.distance(np.concatenate(gone)) > -1e-6).all()
 
@@ -115,8 +116,8 @@ def test_an_oval_among_obstacles_is_filled_unless_that_tears_the_fluid(network_f
     for sketch, is_filled in ((UPPER, True), (large, False)):
         guidance = planned(scene_with(POST), network_file(scenario="water_ramps_2d"), sketch)
         assert guidance.method == "learned", guidance.reason
-        law: Any = guidance.law
-        found = law.x[law.starts[1:].astype(int) - 1][law.path] + law.offset
+        assert isinstance(guidance.law, Tracked)
+        found = guidance.law.places
         filled = guidance.goal.paths.places
         away = np.linalg.norm(found[:, None] - filled[None], axis=2).min(axis=1)
         assert guidance.goal.is_torn is not is_filled
