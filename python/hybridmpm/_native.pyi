@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 __all__ = [
     "MAX_SUBSTEPS",
+    "SEAMS_IN_3D",
     "SHORTEST_FRAMES",
     "SNAPSHOT_VERSION",
     "SOLVER_VERSION",
@@ -35,6 +36,7 @@ __all__ = [
     "MotionReport",
     "NonFiniteError",
     "Obstacle",
+    "Outlines",
     "RadiusGraph",
     "SimulationError",
     "SnapshotError",
@@ -58,10 +60,17 @@ __all__ = [
     "raise_if_cancelled",
 ]
 
+_OfPoints = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+
 MAX_SUBSTEPS: int
 """Most substeps of a frame; frames that need more are refused."""
 SNAPSHOT_VERSION: int
 """Version of the layout of `Solver.snapshot`."""
+SEAMS_IN_3D: float
+"""Volume of a shape in 3D over that of the fluid that fills it [-].
+
+Parts of a fluid that meet stay about one grid cell apart.
+"""
 SHORTEST_FRAMES: int
 """Shortest remaining time of a plan [frames].
 
@@ -1256,6 +1265,81 @@ class Matching:
     @property
     def cut_off(self) -> npt.NDArray[np.bool_]:
         """Whether no way leads to the places of a group (G,); its way is then the straight one."""
+
+@final
+class Outlines:
+    """Closed lines in the plane; what they enclose an odd number of times is inside.
+
+    Parameters
+    ----------
+    lines : float64 (K, 2)
+        Points of all lines [m].
+    starts : uint32 (L + 1,)
+        Line l has the points starts[l] to starts[l + 1] - 1; the last of them joins the first.
+
+    Raises
+    ------
+    ConfigError
+        Arrays that do not fit together.
+    """
+
+    def __new__(cls, lines: npt.NDArray[np.float64], starts: npt.NDArray[np.uint32]) -> Outlines: ...
+    @property
+    def area(self) -> float:
+        """Area [m^2]; 0 where the lines enclose nothing."""
+
+    @property
+    def center(self) -> list[float]:
+        """Centre of the area (2,) [m]."""
+
+    def covers(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Return which points (N, 2) [m] lie inside; (N,)."""
+
+    def filled(
+        self,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        *,
+        volume: float,
+        particles: int,
+        shrinks: bool,
+        free: _OfPoints,
+        depth: Sequence[float] | None = None,
+    ) -> tuple[npt.NDArray[np.float64], float, float]:
+        """Return the region that a fluid is to fill.
+
+        Where the free part of the shape is smaller than the fluid, the shape grows, with its holes, until
+        that part is as large. It gets 8 % more room than the fluid at rest in 2D, 15 % in 3D.
+
+        Parameters
+        ----------
+        lower, upper : sequence of D floats
+            Corners of the walls [m].
+        volume : float
+            Volume of the fluid at rest, in 2D its area [m^D].
+        particles : int
+            Number of its particles.
+        shrinks : bool
+            Whether a shape that is larger is shrunk, instead of filled evenly.
+        free : callable
+            Returns which of points (M, D) [m] no obstacle takes, (M,).
+        depth : sequence of 2 floats, optional
+            Middle and half length of the interval along the depth [m], in 3D.
+
+        Returns
+        -------
+        cells : float64 (M, D)
+            Centres of equal cells [m].
+        side : float
+            Side of a cell [m].
+        scale : float
+            Factor on the size of the shape [-].
+
+        Raises
+        ------
+        ConfigError
+            `free` returns another number of booleans.
+        """
 
 def match_to_region(
     x: npt.NDArray[np.float64],

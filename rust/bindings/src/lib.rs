@@ -104,6 +104,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SNAPSHOT_VERSION", mpm::SNAPSHOT_VERSION)?;
     module.add("UPSAMPLER_VERSION", mpm::UPSAMPLER_VERSION)?;
     module.add("SHORTEST_FRAMES", ::guidance::SHORTEST_FRAMES)?;
+    module.add("SEAMS_IN_3D", ::guidance::SEAMS[3])?;
     error::register(module)?;
     module.add_class::<scene::PyMaterial>()?;
     module.add_class::<scene::PyObstacle>()?;
@@ -119,6 +120,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<graph::PyRadiusGraph>()?;
     module.add_class::<guidance::PyFreeSpace>()?;
     module.add_class::<guidance::PyMatching>()?;
+    module.add_class::<guidance::PyOutlines>()?;
     module.add_class::<guidance::PyTiming>()?;
     module.add_class::<guidance::PyWays>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;

@@ -8,26 +8,32 @@
 
 mod assignment;
 mod detour;
+mod drawn;
 mod error;
 mod filter;
 mod free_space;
 mod matching;
+mod outlines;
 mod partition;
 mod paths;
 mod plan;
 mod push;
 mod sight;
+mod silhouette;
 mod spline;
 mod tracks;
 mod ways;
 mod ways_file;
 
 pub use detour::Detour;
+pub use drawn::Fluid;
 pub use error::GuidanceError;
 pub use free_space::FreeSpace;
 pub use matching::{Matching, in_cells, match_to_region};
+pub use outlines::Outlines;
 pub use plan::Plan;
 pub use push::Push;
+pub use silhouette::{Filled, SEAMS, Silhouette};
 pub use spline::{Timing, least_acceleration};
 pub use ways::{ANEW, Forces, Present, Room, SHORTEST_FRAMES, Settings, Settling, Ways};
 pub use ways_file::Followed;

@@ -54,7 +54,7 @@ pub struct Room<const D: usize> {
 }
 
 impl<const D: usize> Room<D> {
-    fn space(&self, unit: f64) -> Result<FreeSpace<D>, GuidanceError> {
+    pub(crate) fn space(&self, unit: f64) -> Result<FreeSpace<D>, GuidanceError> {
         let distance = self.distance.iter().map(|distance| distance / unit);
         FreeSpace::new(
             self.lower.map(|along| along / unit),

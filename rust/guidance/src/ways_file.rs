@@ -88,6 +88,16 @@ impl<const D: usize> Followed<D> {
         })
     }
 
+    /// One law for some frames.
+    pub fn one(first_frame: u64, frames: u64, ways: Ways<D>) -> Self {
+        let legs = vec![(0, ways)];
+        Self {
+            first_frame,
+            frames,
+            legs,
+        }
+    }
+
     /// Accelerations of all particles in the frame after `frame` [m/s^2]; None before the first and after the last.
     pub fn force(
         &mut self,

@@ -41,6 +41,7 @@ ONE = np.linspace(0.5, 1.5, N, dtype=np.float32)
 WATER = _native.Material.water(density=1000.0, bulk_modulus=1e5)
 KIND = (np.arange(N) % 2).astype(np.uint8)
 BALL = _native.Obstacle.ball((0.5, 0.5), 0.2)
+LINES = {"lines": RNG.uniform(size=(12, 2)), "starts": np.array([0, 5, 12], dtype=np.uint32)}
 IDS = np.arange(N, dtype=np.uint64)
 GRAPH = _native.radius_graph(X, 0.2)
 PARTICLES = {"x": X, "v": V, "material": KIND, "mass": 1e-2 * ONE, "volume": 1e-5 * ONE}
@@ -102,6 +103,7 @@ def _weights(**arrays: Array) -> Array:
 
 CELLS = RNG.uniform(size=(9 * N, 2))
 ROOM = RNG.uniform(0.1, 1.0, (9, 7))
+LINES = {"lines": RNG.uniform(size=(12, 2)), "starts": np.array([0, 5, 12], dtype=np.uint32)}
 IDS = np.arange(N, dtype=np.uint64)
 WAYS = {
     "ids": IDS,
@@ -169,6 +171,8 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
         lambda points: _native.least_acceleration(points, (0, 0), (0, 0), 1.0).times,
         {"points": X[:5].astype(float)},
     ),
+    "Outlines.__new__": (lambda **a: _native.Outlines(**a).area, LINES),
+    "Outlines.covers": (lambda x: _native.Outlines(**LINES).covers(x), {"x": CELLS}),
     "push_force": (
         lambda **a: _native.push_force(
             **a, point=(0.5, 0.5), velocity=(1, 0), radius=0.3, cap=15.0, frame_dt=0.0025

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageFilter
 
+from hybridmpm import _core
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.sketch.sketch import Ellipse, Shape, depth_of_width
@@ -104,7 +105,7 @@ class Silhouette:
         middle, back, front = float(cloud.centroid[2]), walls.lower[2], walls.upper[2]
         if shape.width is not None:
             middle = depth_of_width(shape.width, back, front)
-        half = min(_SEAMS[3] * cloud.volume / shape.area, front - back) / 2
+        half = min(_SEAMS * cloud.volume / shape.area, front - back) / 2
         return cls(shape, np.array([np.clip(middle, back + half, front - half), half]))
 
     @property
@@ -184,11 +185,10 @@ _CENTRED = 0.7 * NEAR
 """Distance of a region's middle from the tip at which its fluid arrives there, likewise."""
 _SHIFTS = 40
 """Number of shifts of a disc whose middle walls and obstacles have moved."""
+_SEAMS = _core.SEAMS_IN_3D
+"""Volume of a shape in 3D over that of the fluid that fills it [-]."""
 _ROOM = 1.03
 """Volume of settled fluid over its volume at rest [-]."""
-_SEAMS = {2: 1.08, 3: 1.15}
-"""Volume of a shape over that of the fluid that fills it, by dimension [-]. Parts of a fluid that meet stay
-about one grid cell apart, and the parts of a shape meet along longer lines than those of an oval."""
 _CELLS_PER_PARTICLE = {2: 6, 3: 6}
 """Cells of the raster for each particle, by dimension; places are centres of groups of cells."""
 _BLOCKS = 4096
@@ -197,10 +197,6 @@ _ALONG = 40
 """Points along each axis of the box around a shape, of which those inside sample it."""
 _ACROSS = 7
 """Pixels across the width against which a shape is held; an odd number."""
-_TRIES = 16
-"""Number of sizes of a shape that are tried until walls and obstacles leave it room for the fluid."""
-_CLOSE = 0.005
-"""Share of the cells by which a shape may miss the fluid's volume."""
 _CAUTION = 1.0 + 1e-4
 """Factor on the radius of blocks, since distances from obstacles are rounded to single precision."""
 
@@ -266,43 +262,22 @@ def region_of(
 def _filled(figure: Figure, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
     """Return the region of a figure of which a part is free."""
     dim = len(figure.center)
-    volume *= _SEAMS[dim] if isinstance(figure, Silhouette) else _ROOM
+    if isinstance(figure, Silhouette):
+        cells, side, scale = figure.shape.compiled.filled(
+            room.lower.tolist(),
+            room.upper.tolist(),
+            volume=volume,
+            particles=particles,
+            shrinks=fill == "shrink",
+            free=lambda cells: room.distance(cells) >= 0,
+            depth=figure.depth.tolist() or None,
+        )
+        return Region(figure, room, scale, cells, len(cells) * side**dim)
+    volume *= _ROOM
     wanted = max(volume, figure.volume if fill == "even" else 0.0)
     side = (wanted / (_CELLS_PER_PARTICLE[dim] * particles)) ** (1 / dim)
     needed = max(1, round(volume / side**dim))
-    if isinstance(figure, Silhouette):
-        return _filled_shape(figure, room, side, needed, grows_only=fill == "even")
     return _filled_oval(figure, room, side, needed, fill)
-
-
-def _filled_shape(figure: Silhouette, room: Room, side: float, needed: int, *, grows_only: bool) -> Region:
-    """Return the region of a shape, whose size is searched where walls and obstacles take a part of it."""
-    dim = len(figure.center)
-    scale = (needed * side**dim / figure.volume) ** (1 / dim)
-    if grows_only and scale < 1 + _CLOSE:
-        scale = 1.0
-    smallest, found = scale, _cells_of(figure, room, side, scale)
-    for _ in range(_TRIES):
-        missing = needed - len(found)
-        if missing <= _CLOSE * needed and (scale == smallest or -missing <= _CLOSE * needed):
-            break
-        scale = max(smallest, scale * (needed / max(len(found), needed / 4)) ** (1 / dim))
-        found = _cells_of(figure, room, side, scale)
-    return Region(figure, room, scale, found, len(found) * side**dim)
-
-
-def _cells_of(figure: Silhouette, room: Room, side: float, scale: float) -> Floats:
-    """Return the centres (M, D) [m] of the free cells of a shape; their lattice begins at the walls."""
-    low, high = figure.box(scale)
-    first = np.floor((np.maximum(low, room.lower) - room.lower) / side).astype(np.int64)
-    last = np.ceil((np.minimum(high, room.upper) - room.lower) / side).astype(np.int64)
-    axes = [
-        start + side * (np.arange(a, max(a, b)) + 0.5)
-        for start, a, b in zip(room.lower, first, last, strict=True)
-    ]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    cells = cells[figure.covers(cells, scale)]
-    return cells[room.is_free(cells)]
 
 
 def _filled_oval(oval: Oval, room: Room, side: float, needed: int, fill: Fill) -> Region:

@@ -9,11 +9,12 @@ front wall (upper z), and widths between them for depths between, linearly.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _core
 from hybridmpm._support.arguments import unmasked
 from hybridmpm.errors import SketchError
 from hybridmpm.scene.fields import LONGEST
@@ -30,8 +31,6 @@ MIN_LENGTH = 2.0 / RASTER_SIZE
 """Shortest arrow and smallest semi-axis over the longest side of the world: two pixels of the raster."""
 MAX_OUTLINES = 64
 """Largest number of closed lines of a shape."""
-_LINES = 2048
-"""Lines across a shape along which its area is summed."""
 ONE_METRE = (1.0, 1.0)
 """Width and height of the world where a scene has none of its own [m]."""
 
@@ -185,31 +184,20 @@ class Shape:
         return f"Shape({len(self.outlines)} lines around {self.area:.3g} m^2)"
 
     @cached_property
-    def _sums(self) -> tuple[float, Floats]:
-        """Area [m^2] and centre of the area (2,) [m], summed along lines across the shape."""
-        low, high = self.bounds
-        step = (high[1] - low[1]) / _LINES
-        if not step > 0:
-            return 0.0, low
-        height = low[1] + step * (np.arange(_LINES) + 0.5)
-        row, x = self.crossings(height)
-        # Crossings of a line come in pairs, between which the shape is.
-        left, right, level = x[::2], x[1::2], height[row[::2]]
-        lengths = right - left
-        if not lengths.sum() > 0:
-            return 0.0, low
-        middle = np.array([lengths @ (left + right) / 2, lengths @ level]) / lengths.sum()
-        return float(step * lengths.sum()), middle
+    def compiled(self) -> _core.Outlines:
+        """The lines, ready for questions about points."""
+        starts = np.cumsum([0, *map(len, self.outlines)], dtype=np.uint32)
+        return _core.Outlines(np.concatenate(self.outlines), starts)
 
     @property
     def area(self) -> float:
         """Area [m^2]."""
-        return self._sums[0]
+        return self.compiled.area
 
     @property
     def center(self) -> Floats:
         """Centre of the area (2,) [m]."""
-        return self._sums[1]
+        return np.array(self.compiled.center)
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -217,47 +205,13 @@ class Shape:
         points = np.concatenate(self.outlines)
         return points.min(axis=0), points.max(axis=0)
 
-    @cached_property
-    def _edges(self) -> Floats:
-        """Edges (E, 4): x and y of the lower end, then of the upper end; those along x cross nothing."""
-        edges = np.concatenate([np.hstack([one, np.roll(one, -1, axis=0)]) for one in self.outlines])
-        down = edges[:, 1] > edges[:, 3]
-        edges[down] = edges[down][:, [2, 3, 0, 1]]
-        return edges[edges[:, 3] > edges[:, 1]]
-
-    def crossings(self, heights: Floats) -> tuple[npt.NDArray[np.int64], Floats]:
-        """Return where horizontal lines cross the outlines.
-
-        Parameters
-        ----------
-        heights : float (H,), increasing
-            Heights of the lines [m].
-
-        Returns
-        -------
-        row, x : int64 (C,), float64 (C,)
-            Number of the line and place on it [m], sorted; each line has an even number of crossings.
-        """
-        x0, y0, x1, y1 = self._edges.T
-        first, last = np.searchsorted(heights, y0), np.searchsorted(heights, y1)
-        counts = last - first
-        edge = np.repeat(np.arange(len(counts)), counts)
-        row = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + first[edge]
-        along = (heights[row] - y0[edge]) / (y1 - y0)[edge]
-        x = x0[edge] + along * (x1 - x0)[edge]
-        order = np.lexsort((x, row))
-        return row[order], x[order]
-
     def covers(self, points: Floats) -> npt.NDArray[np.bool_]:
         """Return which points (N, 2) [m] lie inside; (N,)."""
-        heights, row = np.unique(points[:, 1], return_inverse=True)
-        crossed, x = self.crossings(heights)
-        # Rows are laid end to end, so that one search counts the crossings to the left of each point.
-        low = min(points[:, 0].min(initial=0.0), x.min(initial=0.0))
-        pitch = max(points[:, 0].max(initial=0.0), x.max(initial=0.0)) - low + 1.0
-        before = np.searchsorted(crossed * pitch + (x - low), row * pitch + (points[:, 0] - low))
-        starts = np.searchsorted(crossed, row)
-        return np.asarray((before - starts) % 2 == 1)
+        return self.compiled.covers(points)
+
+    def __reduce__(self) -> tuple[type["Shape"], tuple[Any, ...]]:
+        """Return what makes the shape anew: compiled lines have no copies."""
+        return Shape, (self.outlines, self.width, self.note)
 
     @cached_property
     def crosses_itself(self) -> bool:
