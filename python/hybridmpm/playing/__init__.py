@@ -146,6 +146,9 @@ def _about(solver: MpmSolver, probes: Mapping[str, Probe]) -> dict[str, Any]:
     return {
         "lower": scene.walls.lower,
         "upper": scene.walls.upper,
+        "gravity": scene.gravity,
+        "unit": max(scene.size),
+        "frameDt": scene.frame_dt,
         "types": [material.type_id for material in scene.materials],
         "spacing": solver.particle_spacing,
         "simulatedSpacing": solver.pressure_samples().spacing,

@@ -13,6 +13,9 @@ const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
 const PICTURE = 30; // longest computation from one picture to the next [ms]
 const HAND = { radius: 0.08, cap: 15 }; // m, g
 const MARGIN = 0.04; // of the picture, around the walls
+const DRAWN = { frames: 160, hold: 80, cap: 15 * 9.81 }; // until the fluid is there, for which it stays; m/s^2
+const ELASTIC = 7; // type of particles
+const APART = 0.008; // least distance of two points of a stroke, over the longest side of the world
 
 const part = (id) => document.getElementById(id);
 const picture = part("picture");
@@ -72,6 +75,8 @@ let owed = 0; // frames that real time is ahead
 let last = 0; // time of the latest picture [ms]
 let hand = null;
 let turning = null;
+let stroke = null; // points of what is being drawn
+let drawn = null; // what was drawn last, as a sketch of the scene
 let rates = []; // simulated over real time
 let charts = []; // one for each probe
 const camera = { yaw: 0.6, pitch: 0.35, distance: 1.7 };
@@ -172,9 +177,10 @@ function draw() {
   pen.putImageData(image, 0, 0);
   drawWalls(project);
   for (const { marks } of scene.probes) for (const mark of marks) drawMark(project, ratio, mark);
-  for (const sketch of scene.sketches) {
+  for (const sketch of drawn === null ? scene.sketches : [drawn]) {
     if (state.frame >= sketch.first && state.frame < sketch.last) drawSketch(project, ratio, sketch);
   }
+  if (stroke !== null) drawSketch(project, ratio, { lines: [stroke], isArrow: stroke.length > 1 && part("drag").value === "arrow" });
   if (hand !== null) drawHand(project, ratio);
 }
 
@@ -370,6 +376,7 @@ part("step").onclick = () => {
 };
 part("reset").onclick = async () => {
   pause();
+  drawn = null;
   say("");
   state = await ask("reset", { wanted: part("colour").value });
   for (const chart of charts) chart.clear();
@@ -413,9 +420,38 @@ function push() {
   return { ...HAND, point: hand.point, velocity: rests ? hand.velocity.map(() => 0) : hand.velocity };
 }
 
+/** Take up the next point of a stroke; an arrow is straight. */
+function trace(point) {
+  if (part("drag").value === "arrow") stroke = [stroke[0], point];
+  else if (Math.hypot(...point.map((x, axis) => x - stroke.at(-1)[axis])) >= APART * scene.unit) stroke.push(point);
+}
+
+/** Let the fluid follow what was drawn. */
+async function sketch(points, isArrow) {
+  const elastic = state.materials.filter((material) => scene.types[material] === ELASTIC).length;
+  if (!isArrow && 2 * elastic > state.materials.length) {
+    say("Elastic bodies keep their shape and fill no outline: draw an arrow.", true);
+    return;
+  }
+  const { frames, hold, cap } = DRAWN;
+  const head = [isArrow ? 0 : 1, frames, hold, scene.frameDt, scene.unit, scene.spacing, cap];
+  const numbers = [...head, ...scene.gravity, ...scene.lower, ...scene.upper, ...points.flat()];
+  try {
+    const { frame } = await ask("sketch", { numbers });
+    const lines = [isArrow ? points : [...points, points[0]]];
+    drawn = { first: frame, last: frame + frames + hold, lines, isArrow };
+    say("");
+    play();
+  } catch (error) {
+    const text = reason(error);
+    say(`${text[0].toUpperCase()}${text.slice(1)}.`, true);
+  }
+}
+
 picture.onpointerdown = (event) => {
   picture.setPointerCapture(event.pointerId);
-  if (dim === 3 && (part("drag").value === "turn" || event.button === 2)) turning = event;
+  if (["arrow", "shape"].includes(part("drag").value)) stroke = [under(event)];
+  else if (dim === 3 && (part("drag").value === "turn" || event.button === 2)) turning = event;
   else hand = { point: under(event), velocity: new Array(dim).fill(0), time: performance.now() };
 };
 picture.onpointermove = (event) => {
@@ -423,6 +459,9 @@ picture.onpointermove = (event) => {
     camera.yaw -= 0.006 * (event.clientX - turning.clientX);
     camera.pitch = Math.min(1.5, Math.max(-0.2, camera.pitch + 0.006 * (event.clientY - turning.clientY)));
     turning = event;
+    if (!playing) draw();
+  } else if (stroke !== null) {
+    trace(under(event));
     if (!playing) draw();
   } else if (hand !== null) {
     const [point, now] = [under(event), performance.now()];
@@ -432,8 +471,10 @@ picture.onpointermove = (event) => {
     if (!playing) draw();
   }
 };
-picture.onpointerup = picture.onpointercancel = () => {
-  [hand, turning] = [null, null];
+picture.onpointerup = picture.onpointercancel = ({ type }) => {
+  const [line, isArrow] = [stroke, part("drag").value === "arrow"];
+  [hand, turning, stroke] = [null, null, null];
+  if (type === "pointerup" && line !== null && line.length > (isArrow ? 1 : 2)) sketch(line, isArrow);
   if (!playing) draw();
 };
 picture.oncontextmenu = (event) => event.preventDefault();
@@ -473,7 +514,10 @@ async function start() {
     const given = { modules, start: stored("start"), path: stored("ways"), moving, about: scene };
     const opened = await ask("open", given);
     ({ dim, frameDt } = opened);
-    part("drag").parentElement.hidden = dim === 2;
+    // In space a hand draws in no plane of its own.
+    for (const one of [...part("drag").options]) {
+      if (one.value !== "push" && (one.value === "turn") === (dim === 2)) one.remove();
+    }
     // The particles that are shown in coarse mode have neither.
     for (const one of part("colour").options) {
       if (opened.isCoarse && (one.value === "density" || one.value === "pressure")) one.disabled = true;

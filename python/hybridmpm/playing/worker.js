@@ -154,6 +154,12 @@ const orders = {
     const took = performance.now() - before;
     return { ...state(wanted), took, frames, readings: found };
   },
+  /** Lets the fluid follow a drawing from now on: numbers as the module's `draw` takes them. */
+  async sketch({ numbers }) {
+    give(Float64Array.from(numbers));
+    if (!core.draw(player, numbers.length)) throw failure();
+    return { frame: core.frame(player) };
+  },
   async digest() {
     const address = core.digest(player);
     if (!address) throw failure();

@@ -4,6 +4,8 @@
 //! a function returns, before its next call. A function that fails returns 0; `message` then has a sentence.
 
 mod dimension;
+#[cfg(not(feature = "space"))]
+mod drawing;
 mod player;
 
 use std::cell::RefCell;
@@ -11,6 +13,8 @@ use std::ptr::null;
 use std::slice;
 
 use dimension::D;
+#[cfg(not(feature = "space"))]
+use drawing::Drawing;
 use mpm::MpmError;
 use player::{Player, Quantity};
 
@@ -52,6 +56,16 @@ pub extern "C" fn open(length: usize) -> Option<Box<Player>> {
 #[unsafe(no_mangle)]
 pub extern "C" fn follow(player: &mut Player, length: usize) -> bool {
     keep(with_bytes(length, |data| player.follow(data))).is_some()
+}
+
+/// Lets the fluid fill an outline, or follow an arrow, from now on, in place of what it followed before. The `numbers`
+/// that were given are those of `Drawing::read`, in double precision. In space a hand draws in no plane.
+#[cfg(not(feature = "space"))]
+#[unsafe(no_mangle)]
+pub extern "C" fn draw(player: &mut Player, numbers: usize) -> bool {
+    let drawing = GIVEN.with_borrow(|given| Drawing::read(&given[..numbers.min(given.len())]));
+    let drawing = drawing.ok_or("there are fewer numbers than a drawing has");
+    keep(drawing).is_some_and(|drawing| keep(player.draw(drawing)).is_some())
 }
 
 /// Frees a player.

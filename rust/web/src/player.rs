@@ -5,6 +5,8 @@ use mpm::{CoarseParticles, Force, MpmError, Solver, Start, Upsampler, Vector};
 use sha2::{Digest, Sha256};
 
 use crate::dimension::D;
+#[cfg(not(feature = "space"))]
+use crate::drawing::{Drawing, State};
 
 /// What a page reads of all particles.
 #[derive(Clone, Copy)]
@@ -78,6 +80,34 @@ impl Player {
     /// Lets particles follow ways from now on.
     pub fn follow(&mut self, data: &[u8]) -> Result<(), String> {
         self.following = Some(Followed::read(data).map_err(|error| error.to_string())?);
+        Ok(())
+    }
+
+    /// Lets the fluid fill an outline or follow an arrow from now on.
+    #[cfg(not(feature = "space"))]
+    pub fn draw(&mut self, drawing: Drawing) -> Result<(), String> {
+        let reason = |error: MpmError| error.to_string();
+        let x = self.read(Quantity::Positions).map_err(reason)?.to_vec();
+        let v = self.read(Quantity::Velocities).map_err(reason)?.to_vec();
+        let mass = self.read(Quantity::Masses).map_err(reason)?.to_vec();
+        let obstacles = &self.solver.settings().obstacles;
+        let placed: Vec<_> = obstacles.iter().map(|one| one.at(self.time())).collect();
+        let distance = |x: &[f64; D]| {
+            let x = Vector::from_fn(|axis, _| x[axis] as f32);
+            let away = placed.iter().map(|one| f64::from(one.distance(&x)));
+            away.fold(f64::INFINITY, f64::min)
+        };
+        let state = State {
+            frame: self.frame(),
+            present: Present {
+                ids: self.ids(),
+                x: x.as_chunks().0,
+                v: v.as_chunks().0,
+            },
+            mass: &mass,
+        };
+        let followed = drawing.followed(state, |points| points.iter().map(distance).collect())?;
+        self.following = Some(followed);
         Ok(())
     }
 
