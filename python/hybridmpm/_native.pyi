@@ -6,7 +6,7 @@ the number of particles, D the dimension (2 or 3).
 """
 
 from collections.abc import Callable, Sequence
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +60,7 @@ __all__ = [
     "raise_if_cancelled",
 ]
 
-_OfPoints = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+_OfPoints: TypeAlias = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 
 MAX_SUBSTEPS: int
 """Most substeps of a frame; frames that need more are refused."""

@@ -285,31 +285,43 @@ impl<const D: usize> Ways<D> {
         present: Present<'_, D>,
     ) -> Result<Forces<D>, GuidanceError> {
         let rows = self.rows(present.ids);
-        let settles = self.settling.as_ref().map(|settling| settling.start);
-        let Some(start) = settles.filter(|&start| index >= start) else {
+        let Some(mut settling) = self.settling.take() else {
             return Ok(self.along(&self.moving, index, present, rows));
         };
-        let (time, after) = ((index - start) / ANEW, (index - start) % ANEW);
-        let fits = |one: &Found<D>| one.time == time && one.first <= index;
-        let found = |ways: &Self| ways.settling.as_ref()?.found.iter().position(fits);
-        // In its first frame nothing known counts: the simulation may have returned to it on another way.
-        let known = if after == 0 { None } else { found(self) };
-        let known = match known {
-            Some(known) => known,
-            None => {
-                let motion = self.matched(index, present, rows.as_deref())?;
-                let settling = self.settling.as_mut().expect("it settles");
-                settling.found.retain(|one| one.time + 1 == time);
-                settling.found.push(Found {
-                    time,
-                    first: index,
-                    motion,
-                });
-                settling.found.len() - 1
-            }
+        let force = self.settled(&mut settling, index, present, rows);
+        self.settling = Some(settling);
+        force
+    }
+
+    fn settled(
+        &self,
+        settling: &mut Settling<D>,
+        index: u64,
+        present: Present<'_, D>,
+        rows: Option<Vec<(usize, u32)>>,
+    ) -> Result<Forces<D>, GuidanceError> {
+        let Some(after) = index.checked_sub(settling.start) else {
+            return Ok(self.along(&self.moving, index, present, rows));
         };
-        let found = &self.settling.as_ref().expect("it settles").found[known];
-        Ok(self.along(&found.motion, index - found.first, present, rows))
+        let time = after / ANEW;
+        let fits = |one: &Found<D>| one.time == time && one.first <= index;
+        // In its first frame nothing known counts: the simulation may have returned to it on another way.
+        let is_first = after.is_multiple_of(ANEW);
+        let known = settling.found.iter().position(fits);
+        let known = if let Some(known) = known.filter(|_| !is_first) {
+            known
+        } else {
+            let motion = self.matched(settling, index, present, rows.as_deref())?;
+            settling.found.retain(|one| one.time + 1 == time);
+            settling.found.push(Found {
+                time,
+                first: index,
+                motion,
+            });
+            settling.found.len() - 1
+        };
+        let Found { first, motion, .. } = &settling.found[known];
+        Ok(self.along(motion, index - first, present, rows))
     }
 
     /// Rows of those who are led, first among the present, then among all that are led; None where both are equal.
@@ -357,11 +369,11 @@ impl<const D: usize> Ways<D> {
     /// The motion to places of the region that are matched from the present state.
     fn matched(
         &self,
+        settling: &Settling<D>,
         index: u64,
         present: Present<'_, D>,
         rows: Option<&[(usize, u32)]>,
     ) -> Result<Motion<D>, GuidanceError> {
-        let settling = self.settling.as_ref().expect("it settles");
         let double = |row: &[f32; D]| row.map(f64::from);
         // Those who are gone are taken to be at their places.
         let mut x = self.moving.places();

@@ -26,6 +26,7 @@ pub struct Drawing {
 }
 
 /// The state that was drawn on.
+#[derive(Clone, Copy)]
 pub struct State<'a> {
     pub frame: u64,
     pub present: Present<'a, D>,

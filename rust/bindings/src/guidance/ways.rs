@@ -26,6 +26,9 @@ pub struct PyWays {
     dim: usize,
 }
 
+/// First node, distance of the nodes, their numbers, and signed distances of the nearest obstacle.
+type Grid<'a> = (&'a [f64], f64, &'a [usize], &'a [f64]);
+
 /// What the constructor takes, as slices.
 struct Given<'a> {
     ids: &'a [u64],
@@ -38,7 +41,7 @@ struct Given<'a> {
     places: &'a [f64],
     end: Option<&'a [f64]>,
     gravity: &'a [f64],
-    room: Option<(&'a [f64], f64, &'a [usize], &'a [f64])>,
+    room: Option<Grid<'a>>,
     cells: &'a [f64],
 }
 
@@ -116,6 +119,9 @@ type Led<'py> = (
     Option<Bound<'py, PyArray1<usize>>>,
     Bound<'py, PyArray2<f32>>,
 );
+
+/// A function and its arguments, which make the law anew.
+type Made<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>, usize));
 
 #[pymethods]
 impl PyWays {
@@ -209,10 +215,7 @@ impl PyWays {
         with!(&self.inner, ways => PyBytes::new(py, &ways.to_bytes()))
     }
 
-    fn __reduce__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>, usize))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
         let made = py.get_type::<Self>().getattr("from_bytes")?;
         Ok((made, (self.to_bytes(py), self.dim)))
     }
