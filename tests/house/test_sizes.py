@@ -53,7 +53,7 @@ LIMITS = {
     # 60 lines time the sums of forces; 130 are a client of plain sockets.
     # 170 lines let viscous liquids flow.
     # 285 lines draw twenty outlines, and measure several goals in turn.
-    "laboratory": (("lab/**.py",), 9_985),
+    "laboratory": (("lab/**.py",), 10_160),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -98,9 +98,8 @@ LIMITS = {
     # 100 lines fill surfaces of triangles, and refuse open ones.
     # 10 lines are for goals that a method does not fill.
     # 200 lines let viscous liquids flow.
-    # 75 lines play shapes and keyframes in pages, and draw the suite's shapes.
-    # 150 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
-    "tests": (("tests/**.py",), 36_775),
+    # 170 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
+    "tests": (("tests/**.py",), 36_950),
     "tests of the laboratory": (("tests/lab/**.py",), 2_040),
 }
 """Patterns of git, and the most lines of the files that they match."""
