@@ -30,6 +30,7 @@ GALLERY_FRAMES = {
     "dam-and-gate": 170,
     "sand-and-water": 120,
     "jelly": 150,
+    "viscous-liquids": 240,
     "letters": 110,
     "dam-in-space": 127,
 }

@@ -13,6 +13,7 @@ export const FLAG_POPULATION = 2;
 export const WATER = 5;
 export const SAND = 6;
 export const GOOP = 7;
+export const LIQUID = 8;
 
 /** A message that this page cannot read, most likely because server and page differ in version. */
 export class ProtocolError extends Error {}

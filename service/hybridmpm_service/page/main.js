@@ -2,7 +2,7 @@
 
 import { goTo, keep, kept, placeOf } from "./address.js";
 import { Problem } from "./client.js";
-import { decodeFrame, decodeTypes, lengthOf, ProtocolError, SAND, WATER } from "./frames.js";
+import { decodeFrame, decodeTypes, lengthOf, LIQUID, ProtocolError, SAND, WATER } from "./frames.js";
 import { client } from "./net/api.js";
 import { Keeper } from "./net/keeper.js";
 import { onKeyNeeded, useLink } from "./net/key.js";
@@ -156,7 +156,7 @@ function middleOf() {
 function tapped(point) {
   const hit = stage.particleAt(point);
   if (hit === null && shown.who === null) return false;
-  const name = { [WATER]: "water", [SAND]: "sand" }[hit?.type] ?? "jelly";
+  const name = { [WATER]: "water", [SAND]: "sand", [LIQUID]: "liquid" }[hit?.type] ?? "jelly";
   shown.who = hit === null ? null : { particle: hit.particle, name };
   refreshSteering();
   return true;

@@ -81,6 +81,8 @@ def test_a_scene_is_drawn_and_simulated(open_page: Open, service: LiveService, w
     _drag(visit, (0.38, 0.38), (0.44, 0.42), finger=finger)
     # The kind stays chosen: a drag on free ground draws one more.
     _drag(visit, (0.6, 0.6), (0.7, 0.75), finger=finger)
+    visit.page.locator("#build-numbers").get_by_label("Material").select_option("mud")
+    expect(visit.page.locator("#build-name")).to_have_text("Mud")
     _press(visit, "ramp")
     _press(visit, "emitter")
     visit.page.get_by_label("Flows").select_option("left")
@@ -91,6 +93,7 @@ def test_a_scene_is_drawn_and_simulated(open_page: Open, service: LiveService, w
     first, second = scene["bodies"]
     assert (first["material"]["kind"], first["shape"]) == ("water", "box")
     assert first["lower"] + first["upper"] == pytest.approx([0.22, 0.22, 0.44, 0.42], abs=0.012)
+    assert (second["material"]["kind"], second["material"]["yield_stress"]) == ("liquid", 146)
     assert second["lower"] + second["upper"] == pytest.approx([0.6, 0.6, 0.7, 0.75], abs=0.012)
     assert [len(scene[part]) for part in ("obstacles", "emitters", "sinks")] == [1, 0, 1]
     assert visit.page.evaluate("document.documentElement.scrollWidth") == width

@@ -1,7 +1,7 @@
 // Number fields of the chosen thing.
 
 import { byId, setText } from "../panels/dom.js";
-import { boundsOf, DIRECTIONS, directionOf, moved, nameOf, otherShape, resized, turned } from "./things.js";
+import { boundsOf, DIRECTIONS, directionOf, MATERIALS, materialOf, moved, nameOf, otherShape, resized, turned } from "./things.js";
 
 const LIMIT = { min: 0, max: 1, step: 0.01 };
 
@@ -56,6 +56,11 @@ function fieldsOf(thing, change) {
   if (direction !== null) {
     fields.push(choice("Flows", Object.fromEntries(Object.keys(DIRECTIONS).map((name) => [name, name])), direction, (name) => change(turned(thing, name))));
     fields.push(number("Speed", "m/s", Math.hypot(...record.velocity), (speed) => change(turned(thing, direction, speed)), { min: 0.1, max: 10, step: 0.1 }));
+  }
+  if (part === "bodies" || part === "emitters") {
+    const name = materialOf(record);
+    const options = name in MATERIALS ? MATERIALS : { ...MATERIALS, [name]: "Liquid" };
+    fields.push(choice("Material", options, name, (material) => change({ ...thing, record: { ...record, material } })));
   }
   if (otherShape(thing) !== null) {
     fields.push(choice("Shape", { box: "box", ball: "ball" }, record.shape, () => change(otherShape(thing))));

@@ -4,13 +4,15 @@ const SMALLEST = 0.02; // m
 const THICKNESS = 0.03; // of a ramp [m]
 const SPEED = 1; // of what an emitter brings [m/s]
 const PARTS = ["bodies", "obstacles", "emitters", "sinks"];
-const MATERIALS = { water: "Water", sand: "Sand", elastic: "Jelly" };
+/** Titles of the materials that a scene may name. */
+export const MATERIALS = { water: "Water", sand: "Sand", elastic: "Jelly", honey: "Honey", oil: "Oil", mud: "Mud", lava: "Lava" };
 
 /** What can be added, by name. `make` takes two corners of the room that it has. */
 export const KINDS = {
   water: { title: "Water", part: "bodies", make: (a, b) => ({ shape: "box", material: "water", ...box(a, b) }) },
   sand: { title: "Sand", part: "bodies", make: (a, b) => ({ shape: "box", material: "sand", ...box(a, b) }) },
   elastic: { title: "Jelly", part: "bodies", make: (a, b) => ({ shape: "box", material: "elastic", ...box(a, b) }) },
+  liquid: { title: "Honey", part: "bodies", make: (a, b) => ({ shape: "box", material: "honey", ...box(a, b) }) },
   block: { title: "Block", part: "obstacles", make: (a, b) => ({ shape: "box", ...box(a, b) }) },
   ramp: {
     title: "Ramp",
@@ -85,15 +87,21 @@ export function inWords(text, things) {
   });
 }
 
-const materialOf = ({ material }) => (typeof material === "string" ? material : material?.kind);
+/** The name of a record's material, "liquid" where its constants are given. */
+export const materialOf = ({ material }) => (typeof material === "string" ? material : material?.kind);
 
-/** What a thing looks like: the name of its material, or "obstacles" or "sinks". */
-export const lookOf = ({ part, record }) => (part === "obstacles" || part === "sinks" ? part : materialOf(record));
+const SOLE = ["water", "sand", "elastic"]; // what has a look of its own
+
+/** What a thing looks like: its material, or "obstacles" or "sinks". */
+export function lookOf({ part, record }) {
+  if (part === "obstacles" || part === "sinks") return part;
+  return SOLE.includes(materialOf(record)) ? materialOf(record) : "liquid";
+}
 
 export function titleOf({ part, record }) {
   if (part === "obstacles") return record.shape === "segment" ? "Ramp" : "Obstacle";
   if (part === "sinks") return "Sink";
-  const material = MATERIALS[materialOf(record)] ?? "Material";
+  const material = MATERIALS[materialOf(record)] ?? "Liquid";
   return part === "emitters" ? `Emitter of ${material.toLowerCase()}` : material;
 }
 

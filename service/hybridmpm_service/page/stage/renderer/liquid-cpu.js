@@ -1,7 +1,7 @@
 // The liquid's surface without a graphics card: blobs added into a coarse field, thresholded and shaded.
 
 import { FASTEST } from "../particles.js";
-import { GOOP, SAND } from "../../frames.js";
+import { GOOP, LIQUID, SAND } from "../../frames.js";
 import * as palette from "./palette.js";
 import { INTERIOR, KERNEL_SPACINGS, SURFACE } from "./shaders.js";
 
@@ -13,6 +13,7 @@ export class LiquidField {
   #water;
   #speed;
   #goop;
+  #viscous;
   #image;
   #canvas = document.createElement("canvas");
 
@@ -31,12 +32,12 @@ export class LiquidField {
     if (columns === this.#columns && rows === this.#rows) return;
     [this.#columns, this.#rows] = [columns, rows];
     [this.#canvas.width, this.#canvas.height] = [columns, rows];
-    [this.#water, this.#speed, this.#goop] = [0, 0, 0].map(() => new Float32Array(columns * rows));
+    [this.#water, this.#speed, this.#goop, this.#viscous] = [0, 0, 0, 0].map(() => new Float32Array(columns * rows));
     this.#image = new ImageData(columns, rows);
   }
 
   #add(view, scene, { positions, speeds }) {
-    for (const field of [this.#water, this.#speed, this.#goop]) field.fill(0);
+    for (const field of [this.#water, this.#speed, this.#goop, this.#viscous]) field.fill(0);
     const cells = this.#columns / view.width;
     const radius = KERNEL_SPACINGS * scene.spacing * view.pixelsPerMetre * cells;
     for (let i = 0; i < scene.types.length; i += 1) {
@@ -44,6 +45,7 @@ export class LiquidField {
       if (type === SAND) continue;
       const [px, py] = view.project([positions[2 * i] / 65535, positions[2 * i + 1] / 65535]);
       if (type === GOOP) this.#blob(this.#goop, null, px * cells, py * cells, radius, 0);
+      else if (type === LIQUID) this.#blob(this.#viscous, null, px * cells, py * cells, radius, 0);
       else this.#blob(this.#water, this.#speed, px * cells, py * cells, radius, speeds[i] / 255);
     }
   }
@@ -71,13 +73,14 @@ export class LiquidField {
     // Inside the outermost cells, so that every cell has four neighbours.
     const columns = this.#columns;
     for (let cell = columns; cell < columns * (this.#rows - 1); cell += 1) {
-      const goop = this.#goop[cell] > this.#water[cell];
-      const field = goop ? this.#goop : this.#water;
+      let [field, colors] = [this.#water, WATER_COLORS];
+      if (this.#goop[cell] > field[cell]) [field, colors] = [this.#goop, GOOP_COLORS];
+      if (this.#viscous[cell] > field[cell]) [field, colors] = [this.#viscous, LIQUID_COLORS];
       const density = field[cell];
       if (density <= 0.5 * SURFACE) continue;
-      const fast = goop ? 0 : (this.#speed[cell] / density) * FASTEST;
+      const fast = colors !== WATER_COLORS ? 0 : (this.#speed[cell] / density) * FASTEST;
       paint(pixels, 4 * cell, {
-        colors: goop ? GOOP_COLORS : WATER_COLORS,
+        colors,
         depth: 0.75 * dome(density),
         crest: crestOf(field, cell, columns),
         foam: fast > 1.2 ? 0.5 * palette.smoothstep(1.2, 3.8, fast) : 0,
@@ -98,6 +101,12 @@ const GOOP_COLORS = {
   shallow: palette.GOOP_SHALLOW,
   crest: [255, 220, 235],
   fast: palette.GOOP_SHALLOW,
+};
+const LIQUID_COLORS = {
+  deep: palette.LIQUID_DEEP,
+  shallow: palette.LIQUID_SHALLOW,
+  crest: palette.LIQUID_CREST,
+  fast: palette.LIQUID_SHALLOW,
 };
 
 const dome = (density) => palette.smoothstep(0.6 * SURFACE, 0.62 * INTERIOR, density);

@@ -6,6 +6,9 @@ export const WATER_FAST = [98, 186, 250];
 export const WATER_CREST = [196, 236, 255];
 export const GOOP_DEEP = [150, 38, 92];
 export const GOOP_SHALLOW = [236, 98, 146];
+export const LIQUID_DEEP = [134, 70, 8];
+export const LIQUID_SHALLOW = [232, 150, 36];
+export const LIQUID_CREST = [255, 226, 160];
 export const SAND_DARK = [168, 120, 62];
 export const SAND_LIGHT = [240, 205, 140];
 

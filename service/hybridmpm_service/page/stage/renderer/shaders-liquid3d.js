@@ -1,11 +1,11 @@
 // GLSL of liquids in 3D: the depth of the spheres is smoothed until it is a surface, then lit
 // (van der Laan et al. 2009, "Screen space fluid rendering with curvature flow", with a bilateral filter).
 
-import { GOOP, SAND } from "../../frames.js";
+import { GOOP, LIQUID, SAND } from "../../frames.js";
 import * as palette from "./palette.js";
 import { ATTRIBUTES, FRAGMENT } from "./shaders.js";
 
-/** Nearest sphere surface: R depth [m, towards the viewer], G speed, B goop, A 1 where there is liquid. */
+/** Nearest sphere surface: R depth [m, towards the viewer], G speed, B 1 goop, -1 viscous liquid, A 1 where there is liquid. */
 export const DEPTH_VERTEX = `${ATTRIBUTES}
 uniform vec4 near;
 uniform float radius;
@@ -14,7 +14,7 @@ out float reach;
 void main() {
   gl_Position = type == ${SAND}.0 ? vec4(2.0, 2.0, 2.0, 1.0) : matrix * vec4(position, 1.0);
   gl_PointSize = pointSize / gl_Position.w;
-  surface = vec4(dot(near, vec4(position, 1.0)), speed, type == ${GOOP}.0 ? 1.0 : 0.0, 1.0);
+  surface = vec4(dot(near, vec4(position, 1.0)), speed, type == ${GOOP}.0 ? 1.0 : type == ${LIQUID}.0 ? -1.0 : 0.0, 1.0);
   reach = radius;
 }`;
 
@@ -107,11 +107,12 @@ void main() {
   float gleam = pow(max(0.0, dot(reflect(-light, normal), vec3(0.0, 0.0, 1.0))), 40.0);
   float grazing = pow(1.0 - max(0.0, normal.z), 3.0);
   bool goop = here.b > 0.5;
-  vec3 deep = goop ? ${palette.glsl(palette.GOOP_DEEP)} : ${palette.glsl(palette.WATER_DEEP)};
-  vec3 bright = goop ? ${palette.glsl(palette.GOOP_SHALLOW)} : ${palette.glsl(palette.WATER_SHALLOW)};
-  vec3 crest = ${palette.glsl(palette.WATER_CREST)};
+  bool viscous = here.b < -0.5;
+  vec3 deep = goop ? ${palette.glsl(palette.GOOP_DEEP)} : viscous ? ${palette.glsl(palette.LIQUID_DEEP)} : ${palette.glsl(palette.WATER_DEEP)};
+  vec3 bright = goop ? ${palette.glsl(palette.GOOP_SHALLOW)} : viscous ? ${palette.glsl(palette.LIQUID_SHALLOW)} : ${palette.glsl(palette.WATER_SHALLOW)};
+  vec3 crest = viscous ? ${palette.glsl(palette.LIQUID_CREST)} : ${palette.glsl(palette.WATER_CREST)};
   vec3 body = mix(deep, bright, 0.1 + 0.95 * facing);
-  if (!goop) body = mix(body, ${palette.glsl(palette.WATER_FAST)}, 0.55 * smoothstep(0.3, 0.95, here.g));
+  if (!goop && !viscous) body = mix(body, ${palette.glsl(palette.WATER_FAST)}, 0.55 * smoothstep(0.3, 0.95, here.g));
   body = mix(body, crest, 0.38 * grazing) + 0.28 * gleam;
   float haze = clamp(0.32 - 0.62 * here.r, 0.0, 0.5);
   color = vec4(mix(body, vec3(0.05, 0.09, 0.15), haze), 1.0);

@@ -1,6 +1,6 @@
 // GLSL of the WebGL2 renderer.
 
-import { GOOP, SAND } from "../../frames.js";
+import { GOOP, LIQUID, SAND } from "../../frames.js";
 import { FASTEST } from "../particles.js";
 import * as palette from "./palette.js";
 
@@ -35,21 +35,23 @@ precision highp float;
 out vec4 color;
 `;
 
-/** Each liquid particle as a soft blob: R water, G water x speed, B goop. */
+/** Each liquid particle as a soft blob: R water, G water x speed, B goop, A viscous liquid. */
 export const BLOB_VERTEX = `${ATTRIBUTES}
-out vec3 weight;
+out vec4 weight;
 void main() {
   gl_Position = type == ${SAND}.0 ? vec4(2.0, 2.0, 2.0, 1.0) : matrix * vec4(position, 1.0);
   gl_PointSize = pointSize;
-  weight = type == ${GOOP}.0 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, speed, 0.0);
+  weight = vec4(1.0, speed, 0.0, 0.0);
+  if (type == ${GOOP}.0) weight = vec4(0.0, 0.0, 1.0, 0.0);
+  if (type == ${LIQUID}.0) weight = vec4(0.0, 0.0, 0.0, 1.0);
 }`;
 
 export const BLOB_FRAGMENT = `${FRAGMENT}
-in vec3 weight;
+in vec4 weight;
 void main() {
   vec2 p = 2.0 * gl_PointCoord - 1.0;
   float q = max(0.0, 1.0 - dot(p, p));
-  color = vec4(weight * q * q, 0.0);
+  color = weight * q * q;
 }`;
 
 export const SCREEN_VERTEX = `#version 300 es
@@ -82,18 +84,26 @@ void main() {
   vec2 dy = vec2(0.0, 1.5 * texel.y);
   vec4 east = texture(field, at + dx), west = texture(field, at - dx);
   vec4 north = texture(field, at + dy), south = texture(field, at - dy);
-  bool goop = here.b > here.r;
-  float density = goop ? here.b : here.r;
-  vec2 slope = goop
-    ? vec2(dome(east.b) - dome(west.b), dome(north.b) - dome(south.b))
-    : vec2(dome(east.r) - dome(west.r), dome(north.r) - dome(south.r));
+  bool viscous = here.a > max(here.r, here.b);
+  bool goop = !viscous && here.b > here.r;
+  vec4 mine = viscous ? vec4(0.0, 0.0, 0.0, 1.0) : goop ? vec4(0.0, 0.0, 1.0, 0.0) : vec4(1.0, 0.0, 0.0, 0.0);
+  float density = dot(here, mine);
+  vec2 slope = vec2(dome(dot(east, mine)) - dome(dot(west, mine)), dome(dot(north, mine)) - dome(dot(south, mine)));
   float blur = max(fwidth(density), 0.02);
   float alpha = smoothstep(SURFACE - blur, SURFACE + blur, density);
   float fast = here.g / max(here.r, 0.05) * ${FASTEST.toFixed(1)};
-  vec3 body = goop
-    ? lit(${palette.glsl(palette.GOOP_DEEP)}, ${palette.glsl(palette.GOOP_SHALLOW)}, vec3(1.0, 0.86, 0.92), density, slope, at.y)
-    : lit(${palette.glsl(palette.WATER_DEEP)}, ${palette.glsl(palette.WATER_SHALLOW)}, ${palette.glsl(palette.WATER_CREST)}, density, slope, at.y);
-  if (!goop) body = mix(body, ${palette.glsl(palette.WATER_FAST)}, 0.5 * smoothstep(1.2, 3.8, fast));
+  vec3 deep = ${palette.glsl(palette.WATER_DEEP)}, shallow = ${palette.glsl(palette.WATER_SHALLOW)}, crest = ${palette.glsl(palette.WATER_CREST)};
+  if (goop) {
+    deep = ${palette.glsl(palette.GOOP_DEEP)};
+    shallow = ${palette.glsl(palette.GOOP_SHALLOW)};
+    crest = vec3(1.0, 0.86, 0.92);
+  } else if (viscous) {
+    deep = ${palette.glsl(palette.LIQUID_DEEP)};
+    shallow = ${palette.glsl(palette.LIQUID_SHALLOW)};
+    crest = ${palette.glsl(palette.LIQUID_CREST)};
+  }
+  vec3 body = lit(deep, shallow, crest, density, slope, at.y);
+  if (!goop && !viscous) body = mix(body, ${palette.glsl(palette.WATER_FAST)}, 0.5 * smoothstep(1.2, 3.8, fast));
   float glow = 0.22 * smoothstep(0.0, SURFACE, density) * (1.0 - alpha);
   color = vec4(body * alpha + vec3(0.02, 0.09, 0.2) * glow, alpha + glow);
 }`;

@@ -1,6 +1,6 @@
 // 3D particles without a graphics card: lit discs and the surface of liquids, in a picture with a depth buffer of its own.
 
-import { SAND, WATER } from "../../frames.js";
+import { LIQUID, SAND, WATER } from "../../frames.js";
 import * as palette from "./palette.js";
 import { SurfacePicture } from "./surface-cpu.js";
 
@@ -36,7 +36,7 @@ function colorsOf(type, t) {
       palette.mix(palette.WATER_SHALLOW, palette.WATER_CREST, 0.7 * t),
     ];
   }
-  return [palette.GOOP_DEEP, palette.GOOP_SHALLOW];
+  return type === LIQUID ? [palette.LIQUID_DEEP, palette.LIQUID_SHALLOW] : [palette.GOOP_DEEP, palette.GOOP_SHALLOW];
 }
 
 function makeRamp(deep, bright) {

@@ -1,6 +1,6 @@
 // Liquids in 3D without a graphics card: what shaders-liquid3d.js does, on a smaller picture.
 
-import { GOOP, SAND } from "../../frames.js";
+import { GOOP, LIQUID, SAND } from "../../frames.js";
 import * as palette from "./palette.js";
 
 const RADIUS_SPACINGS = 1.05; // larger than a particle, so that neighbours close to a surface
@@ -11,6 +11,12 @@ const NONE = -Infinity;
 const LIGHT = [-0.367, 0.78, 0.505]; // towards the lamp, of length 1
 const HAZE = [13, 23, 38];
 
+const COLORS = [
+  [palette.WATER_DEEP, palette.WATER_SHALLOW, palette.WATER_CREST],
+  [palette.GOOP_DEEP, palette.GOOP_SHALLOW, palette.WATER_CREST],
+  [palette.LIQUID_DEEP, palette.LIQUID_SHALLOW, palette.LIQUID_CREST],
+];
+
 /** The liquid of a scene as a surface: depth and colour of each pixel of a square picture. */
 export class SurfacePicture {
   #size = 0;
@@ -18,7 +24,7 @@ export class SurfacePicture {
   #entries = null; // depth at which the line of sight enters the box; NONE beside it
   #depths = null;
   #other = null; // depths while they are smoothed
-  #marks = null; // speed of the particle in front, and 256 more for jelly
+  #marks = null; // speed of the particle in front, and 256 more for jelly, 512 for viscous liquids
 
   /** Compute the surface of the liquid in a view, on a picture with sides of `size` pixels. */
   compute(view, { spacing, types, walls }, { positions, speeds }, size) {
@@ -38,7 +44,7 @@ export class SurfacePicture {
       const zoom = scale / (1 - view.perspective * depth);
       const px = size / 2 + (right[0] * x + right[1] * y + right[2] * z) * zoom;
       const py = size / 2 - (up[0] * x + up[1] * y + up[2] * z) * zoom;
-      this.#splat(px, py, depth, reach, reach * zoom, speeds[i] + (types[i] === GOOP ? 256 : 0));
+      this.#splat(px, py, depth, reach, reach * zoom, speeds[i] + (types[i] === GOOP ? 256 : types[i] === LIQUID ? 512 : 0));
     }
     this.#smooth(Math.max(1, Math.round((SMOOTHING_SPACINGS * spacing * scale) / TAPS)), 2.5 * spacing);
   }
@@ -151,16 +157,16 @@ export class SurfacePicture {
       const toLight = nx * LIGHT[0] + ny * LIGHT[1] + nz * LIGHT[2];
       const facing = Math.max(0, toLight);
       const gleam = 0.28 * 255 * Math.max(0, 2 * toLight * nz - LIGHT[2]) ** 40;
-      const goop = marks[at] >= 256;
-      const fast = goop ? 0 : 0.55 * palette.smoothstep(0.3, 0.95, (marks[at] & 255) / 255);
+      const kind = marks[at] >> 8; // 0 water, 1 jelly, 2 viscous liquid
+      const fast = kind > 0 ? 0 : 0.55 * palette.smoothstep(0.3, 0.95, (marks[at] & 255) / 255);
       const grazing = 0.38 * (1 - nz) ** 3;
       const haze = Math.min(0.5, Math.max(0, 0.32 - 0.62 * depth));
-      const [deep, bright] = goop ? [palette.GOOP_DEEP, palette.GOOP_SHALLOW] : [palette.WATER_DEEP, palette.WATER_SHALLOW];
+      const [deep, bright, crest] = COLORS[kind];
       let packed = 255;
       for (let channel = 2; channel >= 0; channel -= 1) {
         let value = deep[channel] + (bright[channel] - deep[channel]) * (0.1 + 0.95 * facing);
         value += fast * (palette.WATER_FAST[channel] - value);
-        value += grazing * (palette.WATER_CREST[channel] - value) + gleam;
+        value += grazing * (crest[channel] - value) + gleam;
         value += haze * (HAZE[channel] - value);
         packed = packed * 256 + Math.min(255, Math.max(0, Math.round(value)));
       }

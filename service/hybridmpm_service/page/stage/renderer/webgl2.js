@@ -1,7 +1,7 @@
 // Particles by WebGL2: liquids as a smooth surface, sand as grains (2D) or lit spheres (3D).
 
 import { DEPTH_SCALE } from "../camera.js";
-import { GOOP, SAND, WATER } from "../../frames.js";
+import { SAND } from "../../frames.js";
 import { FieldTarget, program, useProgram } from "./gl.js";
 import { grainShade, smoothstep } from "./palette.js";
 import * as shaders from "./shaders.js";
@@ -81,7 +81,7 @@ export class WebglRenderer {
     const gl = this.#gl;
     this.#scene = scene;
     this.#has = {
-      liquid: scene.types.some((type) => type === WATER || type === GOOP),
+      liquid: scene.types.some((type) => type !== SAND),
       sand: scene.types.includes(SAND),
     };
     this.#pending = null;
