@@ -35,6 +35,7 @@ from hybridmpm_service.routes import (
     estimates,
     jobs,
     links,
+    outlines,
     sessions,
     sketches,
     stream,
@@ -92,7 +93,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.peers = Peers(settings.peers)
     app.state.metrics = Metrics(app.state.sessions, app.state.jobs)
     problems.install(app)
-    modules = (catalogue, estimates, sessions, links, sketches, jobs, stream)
+    modules = (catalogue, estimates, outlines, sessions, links, sketches, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)

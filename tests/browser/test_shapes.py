@@ -1,9 +1,11 @@
 """Shapes that are traced on the page, and sketches that are collected and followed in turn."""
 
+import io
 import itertools
 from typing import Any
 
 import pytest
+from PIL import Image, ImageDraw
 from playwright.sync_api import expect
 
 from .conftest import LiveService, Open, Visit
@@ -51,6 +53,47 @@ def test_a_traced_outline_is_filled(open_page: Open, service: LiveService) -> No
     expect(visit.page.locator("#steer-text")).to_have_text("Read as a shape")
     visit.page.locator("#switch-kind").click()
     expect(visit.page.locator("#steer-text")).to_have_text("Read as an oval")
+
+
+def test_words_and_pictures_are_shown_and_filled(open_page: Open, service: LiveService) -> None:
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d", paused_at=5)
+    page, tray = visit.page, visit.page.locator("#outlines")
+    expect(tray).to_be_hidden()
+    visit.press_until("s", "body.tool === 'shape'")
+    words = tray.get_by_label("Words that the fluid fills")
+    words.fill("HO")
+    visit.wait_for("body.control === 'proposed'")
+    expect(page.locator("#steer-text")).to_have_text("The fluid will fill this")
+    with page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
+        words.press("Enter")
+    plan = answer.value.json()
+    # H and O with its hole, about as large as the fluid and in the middle of the room.
+    assert len(plan["goal"]["outlines"]) == 3
+    assert 0.99 < plan["needs"]["scale"] < 1.12
+    visit.wait_for("body.control === 'following'")
+    tray.locator("input[type=file]").set_input_files(
+        {"name": "disc.png", "mimeType": "image/png", "buffer": _disc()}
+    )
+    visit.wait_for("body.control === 'proposed'")
+    tray.get_by_label("Size of the shape").fill("0.5")
+    with page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
+        tray.get_by_role("button", name="Fill the shape").click()
+    assert len(answer.value.json()["goal"]["outlines"]) == 1
+    assert answer.value.json()["needs"]["scale"] > 1.9
+    tray.locator("input[type=file]").set_input_files(
+        {"name": "notes.txt", "mimeType": "text/plain", "buffer": b"no picture"}
+    )
+    expect(page.locator("#toasts")).to_contain_text("must be a PNG, JPEG or WebP")
+    page.locator("[data-tool=push]").click()
+    expect(tray).to_be_hidden()
+
+
+def _disc() -> bytes:
+    image = Image.new("L", (200, 120), 255)
+    ImageDraw.Draw(image).ellipse((40, 20, 160, 100), fill=0)
+    data = io.BytesIO()
+    image.save(data, "PNG")
+    return data.getvalue()
 
 
 def test_collected_sketches_are_sorted_timed_and_followed_in_turn(

@@ -66,7 +66,8 @@ LIMITS = {
     # 200 lines take shapes and keyframes over HTTP.
     # 30 lines show viewers the goals of sketches, and hands.
     # 90 lines write the types of the client in JavaScript, bound old frames, and let others read faults.
-    "service": (("service/**.py",), 12_740),
+    # 100 lines trace texts and pictures.
+    "service": (("service/**.py",), 12_840),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -99,7 +100,8 @@ LIMITS = {
     # 10 lines are for goals that a method does not fill.
     # 200 lines let viscous liquids flow.
     # 170 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
-    "tests": (("tests/**.py",), 36_950),
+    # 120 lines trace texts and pictures.
+    "tests": (("tests/**.py",), 37_070),
     "tests of the laboratory": (("tests/lab/**.py",), 2_040),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -422,6 +422,28 @@ export interface OfParticle {
   particle: number;
 }
 
+export interface OutlinesBody {
+  /** The shape, as sketches and keyframes take it. */
+  sketch: Record<string, unknown>;
+  /** Its area in the front view [m^2]. */
+  area: number;
+}
+
+export interface OutlinesRequest {
+  /** Words, traced in the font Aileron. */
+  text?: string | null;
+  /** A PNG, JPEG or WebP file of at most 1 MiB in base 64, whose dark parts are traced. */
+  picture?: string | null;
+  /** Attribute d of a path in SVG, closed. */
+  path?: string | null;
+  /** Middle of the rectangle around the shape [m]. */
+  center: number[];
+  /** Height of that rectangle [m]. */
+  height: number;
+  /** Width of the stroke, which gives the depth in 3D [pixels of 512]. */
+  width?: number | null;
+}
+
 export interface ParticlesBody {
   /** Number of frames since the start. */
   frame: number;

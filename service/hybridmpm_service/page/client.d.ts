@@ -70,6 +70,7 @@ export class Client {
   plan(request: api.PlanRequest): Promise<api.PlanBody>;
   /** Findings about a scene before its first frame. */
   check(request: api.CheckScene): Promise<api.CheckBody>;
+  outlines(request: api.OutlinesRequest, options?: { signal?: AbortSignal }): Promise<api.OutlinesBody>;
   /** A session, paused at frame 0: of a scenario, of a scene or of a log. */
   create(request: api.CreateSession, options?: CallOptions): Promise<Session>;
   /** All sessions, oldest first. */

@@ -128,6 +128,10 @@ export class Client {
     return this.json("POST", "/v1/checks", request);
   }
 
+  outlines(request, options) {
+    return this.json("POST", "/v1/outlines", request, options);
+  }
+
   async create(request, options) {
     return new Session(this, await this.json("POST", "/v1/sessions", request, options));
   }

@@ -63,6 +63,7 @@ const shown = {
 };
 
 let strip = null; // of sketches that are followed in turn
+let tray = null; // promise of words and pictures to fill, which the tool Shape shows
 const session = new SessionClient(
   { onState, onHello, onStatus, onProblem, onFrame, onHome: livePanel.showHome, lengthOf },
   query.get("simulate") !== "server",
@@ -163,6 +164,7 @@ function tapped(point) {
 }
 
 function refreshSteering() {
+  showTray(tools.name === "shape" && !shown.watches);
   strip?.note(steering.keyframe);
   const ghost = presenter.ghost !== null;
   const centroid = shown.who === null ? shown.centroid : null; // that of all is not that of the body
@@ -170,6 +172,29 @@ function refreshSteering() {
   showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null, alone: document.body.dataset.solver === "neural" });
   stage.showCentroid(centroid);
   stage.invalidate();
+}
+
+/** Show words and pictures to fill, or hide them. */
+function showTray(wanted) {
+  if (wanted === !document.getElementById("outlines").hidden || (!wanted && tray === null)) return;
+  document.getElementById("outlines").hidden = !wanted;
+  tray ??= import("./turn/outlines.js").then(({ Outlines }) => {
+    const metres = () => shown.length;
+    return new Outlines(document.getElementById("outlines"), {
+      walls: () => shown.scene.walls,
+      trace: async ({ center, height, ...source }, signal) => {
+        const request = { ...source, center: center.map((x) => x * metres()), height: height * metres() };
+        const { sketch, area } = await client.outlines(request, { signal });
+        return { outlines: scaled(sketch, 1 / metres()).outlines, area: area / metres() ** 2 };
+      },
+      area: () => (shown.scene.dim === 2 ? stage.volume : null),
+      propose: (shape) => steering.propose(shape),
+      withdraw: () => steering.phase === "proposed" && steering.clear(),
+      accept: () => steering.accept(),
+      refused: messages.toast,
+    });
+  });
+  if (!wanted) tray.then((one) => one.forget());
 }
 
 // ---- to the page around this one, where it is shown by an element ----

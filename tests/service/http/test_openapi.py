@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, creation, jobs, logs, requests, sketches
+from hybridmpm_service.http import answers, creation, jobs, logs, outlines, requests, sketches
 from hybridmpm_service.http.answers import HistoryBody
 from hybridmpm_service.sessions.view import Forces
 from hybridmpm_service.typescript import FILE, types
@@ -19,7 +19,7 @@ from hybridmpm_service.typescript import FILE, types
 INTERFACE = Path(__file__).parents[3] / "docs" / "reference" / "http-api.md"
 MODELS = {
     name: model
-    for module in (answers, creation, jobs, logs, requests, sketches)
+    for module in (answers, creation, jobs, logs, outlines, requests, sketches)
     for name, model in vars(module).items()
     if isinstance(model, type) and issubclass(model, BaseModel) and "examples" in str(model.model_config)
 }

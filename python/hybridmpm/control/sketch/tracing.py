@@ -8,6 +8,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from hybridmpm._support.arguments import real
+from hybridmpm.control.sketch.picture import decode
 from hybridmpm.control.sketch.polyline import simplified
 from hybridmpm.control.sketch.sketch import MAX_OUTLINES, RASTER_SIZE, Floats, Shape
 from hybridmpm.errors import ConfigError, SketchError
@@ -22,15 +23,18 @@ _LEAST = 1e-6
 
 
 def shape_of_picture(
-    picture: Image.Image | npt.ArrayLike, center: Sequence[float], height: float, width: float | None = None
+    picture: bytes | Image.Image | npt.ArrayLike,
+    center: Sequence[float],
+    height: float,
+    width: float | None = None,
 ) -> Shape:
     """Return the shape of the dark parts of a picture, as of a logo.
 
     Parameters
     ----------
-    picture : PIL.Image.Image, or float or uint8 (H, W)
-        Grey values; those below the middle of their range are inside. A picture with an alpha channel is
-        laid on white.
+    picture : bytes, PIL.Image.Image, or float or uint8 (H, W)
+        A PNG, JPEG or WebP file of at most 1 MiB, or grey values; those below the middle of their range are
+        inside. A picture with an alpha channel is laid on white.
     center : float (2,)
         Middle of the rectangle around the shape [m].
     height : float in [1e-6, 4096]
@@ -41,10 +45,12 @@ def shape_of_picture(
     Raises
     ------
     SketchError
-        The picture has no dark part, or no light one.
+        The picture has no dark part, or no light one, or the file is damaged, too large or of another kind.
     ConfigError
         contourpy is not installed: pip install 'hybridmpm[shapes]'.
     """
+    if isinstance(picture, bytes):
+        picture = Image.fromarray(decode(picture)[0])
     if isinstance(picture, Image.Image):
         rgba = picture.convert("RGBA")
         ground = Image.new("RGBA", rgba.size, "white")

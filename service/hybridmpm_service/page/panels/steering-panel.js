@@ -45,6 +45,8 @@ function steerText(steering, { live, playing, tool, ghost, who, alone }) {
       return kind === "arrow" ? "Arrow: release to move the fluid along it" : `${kind === "oval" ? "Oval" : "Shape"}: release to gather the fluid there`;
     case "staged":
       return `Read as ${kind === "shape" ? "a" : "an"} ${kind}`;
+    case "proposed":
+      return "The fluid will fill this";
     case "planning":
       return "Planning…";
     case "following":
@@ -71,7 +73,7 @@ export function showSteering(steering, context) {
   setText("switch-kind", { arrow: "Make it an arrow", ellipse: "Make it an oval", shape: "Make it a shape" }[steering.otherKind]);
   byId("everyone").hidden = context.who === null || phase === "staged";
   byId("undo").hidden = ["idle", "drawing"].includes(phase);
-  setText("undo", phase === "staged" ? "Undo" : phase === "done" ? "Clear" : "Let go");
+  setText("undo", ["staged", "proposed"].includes(phase) ? "Undo" : phase === "done" ? "Clear" : "Let go");
   const progress = byId("steer-progress");
   progress.hidden = !steers;
   byId("plan-card").hidden = plan === null;

@@ -20,7 +20,7 @@ export function predicted(sketch, centroid, walls) {
     const path = points.map((point) => point.map((value, axis) => centroid[axis] + value - points[0][axis]));
     return { path, region: null };
   }
-  const shape = ellipseOf(sketch.points);
+  const shape = ellipseOf(sketch.outlines?.flat() ?? sketch.points);
   if (shape === null) return null;
   return { path: [centroid, [...shape.center, ...points[0].slice(2)]], region: points };
 }

@@ -6,7 +6,7 @@ const STEERS = ["steering", "out_of_reach", "holding"];
 /** A sketch of an answer, as the page draws sketches: {kind, points, widths}; null for a kind without strokes. */
 function drawn({ kind, points, widths, center, axes, angle, outlines, width }) {
   if (kind === "arrow") return { kind, points, widths: [widths?.[0] ?? 4, widths?.at(-1) ?? 4] };
-  if (kind === "shape") return { kind, points: outlines[0], widths: [width ?? 4, width ?? 4] };
+  if (kind === "shape") return { kind, points: outlines[0], outlines, widths: [width ?? 4, width ?? 4] };
   if (kind !== "ellipse") return null;
   const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
   const outline = Array.from({ length: OUTLINE_POINTS }, (_, i) => {

@@ -223,7 +223,7 @@ export function widthsAlong({ kind, points }, [start, end]) {
 /** A sketch as the service takes it. `widths` are [start, end] in 3D, null in 2D. */
 export function strokeOf(sketch, widths) {
   const points = sketch.points.length > MAX_POINTS ? resample(sketch.points, MAX_POINTS) : sketch.points;
-  if (sketch.kind === "shape") return { kind: "shape", outlines: [points], ...(widths === null ? {} : { width: widths[1] }) };
+  if (sketch.kind === "shape") return { kind: "shape", outlines: sketch.outlines ?? [points], ...(widths === null ? {} : { width: widths[1] }) };
   const stroke = { kind: sketch.kind, points };
   if (widths !== null) stroke.widths = widthsAlong({ kind: sketch.kind, points }, widths);
   return stroke;

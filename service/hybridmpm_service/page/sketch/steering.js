@@ -6,7 +6,7 @@ const STAGE_MS = 1100; // time in which the user may correct the guess for a fre
 
 /**
  * One sketch after the other. Its phases are "idle", "drawing", "staged" (the guess is shown, not yet sent),
- * "planning" (the server plans while the simulation goes on), "following", "holding" and "done".
+ * "proposed" (what no hand has drawn is shown, not yet sent), "planning" (the server plans while the simulation goes on), "following", "holding" and "done".
  */
 export class Steering {
   phase = "idle";
@@ -111,6 +111,17 @@ export class Steering {
     this.clear();
     this.sketch = { ...sketch, widths: this.#handlers.widths() };
     this.#send(settings);
+  }
+
+  /** Show a shape that no hand has drawn, {points, outlines}, which is sent by `accept`. */
+  propose(shape) {
+    this.clear();
+    this.sketch = { kind: "shape", ...shape, widths: this.#handlers.widths() };
+    this.#enter("proposed");
+  }
+
+  accept() {
+    if (this.phase === "proposed") this.#send();
   }
 
   /** The next kind that a staged stroke may be: after the guess the others in turn. */

@@ -62,13 +62,25 @@ function traceSmooth(context, points) {
   }
 }
 
+/** Begin the closed lines of a shape that no hand has drawn, with its holes. */
+function traceAll(context, view, scene, sketch) {
+  context.beginPath();
+  for (const points of sketch.outlines) {
+    const [first, ...rest] = project(view, scene, { ...sketch, points });
+    context.moveTo(...first);
+    for (const point of rest) context.lineTo(...point);
+    context.closePath();
+  }
+}
+
 function drawOutline(context, view, scene, sketch, points) {
   context.lineWidth = Math.min(lineWidths(view, scene, sketch)[0], 12);
-  if (sketch.kind === "shape") trace(context, points, true);
-  else traceSmooth(context, points);
+  if (sketch.kind !== "shape") traceSmooth(context, points);
+  else if (sketch.outlines === undefined) trace(context, points, true);
+  else traceAll(context, view, scene, sketch);
   context.stroke();
   context.globalAlpha *= 0.12;
-  context.fill();
+  context.fill("evenodd");
 }
 
 /** Draw shaft and head as one shape, so that a faded arrow has no seams. */

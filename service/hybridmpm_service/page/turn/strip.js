@@ -4,15 +4,17 @@ const MOST = 32; // keyframes that the service takes
 const NAMES = { arrow: "Arrow", ellipse: "Oval", shape: "Shape" };
 
 /** A small picture of a sketch, in a world with sides in the longest one. */
-function picture({ kind, points }, [width, height]) {
+function picture({ kind, points, outlines }, [width, height]) {
   const space = "http://www.w3.org/2000/svg";
   const svg = document.createElementNS(space, "svg");
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.setAttribute("aria-hidden", "true");
-  const line = document.createElementNS(space, kind === "arrow" ? "polyline" : "polygon");
-  line.setAttribute("points", points.map(([x, y]) => `${x.toFixed(3)},${(height - y).toFixed(3)}`).join(" "));
-  line.setAttribute("class", kind);
-  svg.append(line);
+  for (const one of outlines ?? [points]) {
+    const line = document.createElementNS(space, kind === "arrow" ? "polyline" : "polygon");
+    line.setAttribute("points", one.map(([x, y]) => `${x.toFixed(3)},${(height - y).toFixed(3)}`).join(" "));
+    line.setAttribute("class", kind);
+    svg.append(line);
+  }
   if (kind === "arrow") {
     const [x, y] = points.at(-1);
     const tip = document.createElementNS(space, "circle");
