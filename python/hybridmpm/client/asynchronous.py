@@ -1,6 +1,7 @@
 """`AsyncClient`: the calls of the service as coroutines."""
 
 import asyncio
+import base64
 import contextlib
 import json
 from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
@@ -27,7 +28,7 @@ from hybridmpm.client.settings import (
     SketchSettings,
 )
 from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, Sketch, Stroke
-from hybridmpm.control.guidance import sketch_to_dict
+from hybridmpm.control.guidance import sketch_from_dict, sketch_to_dict
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.stream_frames import Frame
@@ -184,6 +185,49 @@ class AsyncClient:
             Not exactly one of `scenario` and `scene` is given.
         """
         return await self._post("/v1/checks", {**_origin(seed, scenario=scenario, scene=scene), **settings})
+
+    async def outlines(
+        self,
+        *,
+        center: Sequence[float],
+        height: float,
+        text: str | None = None,
+        picture: bytes | None = None,
+        path: str | None = None,
+        width: float | None = None,
+    ) -> Shape:
+        """Return the shape of a text, a picture or an SVG path, as the service traces it.
+
+        Parameters
+        ----------
+        center : sequence of 2 floats
+            Middle of the rectangle around the shape [m].
+        height : float
+            Height of that rectangle [m].
+        text, picture, path : optional
+            Exactly one of them: words; the bytes of a PNG, JPEG or WebP file, at most 1 MiB; the attribute d
+            of an SVG path.
+        width : float in [2, 20], optional
+            Width of the stroke, which gives the depth in 3D [pixels of 512].
+
+        Raises
+        ------
+        ServiceError
+            Not exactly one source is given, or there is nothing in it to trace.
+        """
+        body = {
+            "center": list(center),
+            "height": height,
+            "text": text,
+            "picture": None if picture is None else base64.b64encode(picture).decode(),
+            "path": path,
+            "width": width,
+        }
+        answer = await self._post("/v1/outlines", body)
+        sketch = sketch_from_dict(answer["sketch"])
+        if not isinstance(sketch, Shape):
+            raise ConfigError(f"the service has answered no shape: {sketch.kind}")
+        return sketch
 
     async def sessions(self) -> list["AsyncSession"]:
         """Return all sessions of the service, oldest first."""

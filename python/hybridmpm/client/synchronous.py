@@ -212,6 +212,7 @@ class Client(_Waiting[AsyncClient]):
     scenario = _waits(AsyncClient.scenario)
     models = _waits(AsyncClient.models)
     plan = _waits(AsyncClient.plan)
+    outlines = _waits(AsyncClient.outlines)
     create = _makes(AsyncClient.create, Session)
     check = _waits(AsyncClient.check)
     sessions = _makes(AsyncClient.sessions, lambda found: [Session(one) for one in found])

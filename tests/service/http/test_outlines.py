@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from hybridmpm.client import Client
 from hybridmpm.control import Shape, shape_of_picture, shape_of_text
 
 PLACE: dict[str, Any] = {"center": [0.5, 0.5], "height": 0.3}
@@ -28,6 +29,9 @@ def test_a_text_is_traced_and_filled(service: Any, path: str) -> None:
     assert set(sketch) == {"kind", "outlines"}
     assert len(sketch["outlines"]) == 2
     assert answer.json()["area"] == shape.area == Shape(sketch["outlines"]).area
+    with Client(f"http://{service.address}") as client:
+        traced = client.outlines(text="O", **PLACE)
+    assert traced.area == shape.area
     plan = service.http.post(f"{path}/sketches", json={"sketch": sketch, "frames": 60})
     assert plan.status_code == 200, plan.text
     assert len(plan.json()["goal"]["outlines"]) == 2
