@@ -30,7 +30,7 @@ pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;
 pub use initial::Particles;
-pub use linalg::{Instructions, Matrix, Svd, Vector, products_are_fused, svd};
+pub use linalg::{Instructions, Matrix, Vector, products_are_fused};
 pub use material::Material;
 pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};

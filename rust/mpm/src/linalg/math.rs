@@ -54,18 +54,6 @@ impl<const D: usize> Symmetric<D> {
         }
     }
 
-    /// Takes the entries on and above the diagonal.
-    #[inline(always)]
-    pub fn from_fn(mut entry: impl FnMut(usize, usize) -> f32) -> Self {
-        let diagonal = Vector::from_fn(|axis, _| entry(axis, axis));
-        let shear = Vector::from_fn(|index, _| match (D, index) {
-            (3, _) => entry([1, 0, 0][index], [2, 2, 1][index]),
-            (_, 0) => entry(0, 1),
-            _ => 0.0,
-        });
-        Self { diagonal, shear }
-    }
-
     #[inline(always)]
     pub fn at(&self, row: usize, column: usize) -> f32 {
         if row == column {

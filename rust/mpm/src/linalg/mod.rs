@@ -6,8 +6,8 @@ mod instructions;
 mod isotropic;
 mod lanes;
 mod math;
+mod polar;
 mod quad;
-mod svd;
 #[cfg(target_arch = "wasm32")]
 mod wasm;
 #[cfg(target_arch = "x86_64")]
@@ -18,5 +18,5 @@ pub use instructions::{Instructions, Kernel, products_are_fused, run_wide};
 pub use isotropic::{Split, exponential, logarithm};
 pub use lanes::{LANES, Lanes, exp, ln};
 pub use math::{Matrix, Symmetric, Vector, determinant, lanes, norm, shear_index};
+pub use polar::rotations;
 pub use quad::Quad;
-pub use svd::{Svd, svd};

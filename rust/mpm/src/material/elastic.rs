@@ -2,7 +2,7 @@
 
 use super::constitutive::{Constitutive, State, Volumes};
 use super::lame::Lame;
-use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, Vector, determinant, ln, svd};
+use crate::linalg::{LANES, Lanes, Matrix, Symmetrics, determinant, ln, rotations, shear_index};
 use serde::{Deserialize, Serialize};
 
 /// Fixed-corotated solid (Stomakhin et al. 2012) with a barrier against collapse. Its state is F.
@@ -36,32 +36,11 @@ impl Elastic {
     }
 
     /// ln(J / J_b) below J_b, else 0. NaN and what is inverted have to stay visible: they give NaN.
+    #[inline(always)]
     fn collapse(j: f32) -> f32 {
-        if j >= Self::BARRIER {
-            0.0
-        } else if j > 0.0 {
-            ln(j / Self::BARRIER)
-        } else {
-            f32::NAN
-        }
-    }
-
-    /// The stress for lambda < 0; apart, for it would slow the other down.
-    #[inline(never)]
-    fn auxetic_stress<const D: usize>(&self, states: &GradientBlock<D>) -> Symmetrics<D> {
-        let Lame { mu, lambda } = self.lame;
-        let mut stress = Symmetrics::ZERO;
-        for i in 0..LANES {
-            let f = Matrix::load(states, i);
-            let parts = svd(&f);
-            let rotation = parts.u * parts.v.transpose();
-            let barrier = 2.0 * self.barrier_modulus() * Self::collapse(determinant(&f));
-            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
-                + rotation * f.transpose() * (lambda * strain(&parts.sigma).sum())
-                + Matrix::from_diagonal_element(barrier);
-            stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
-        }
-        stress
+        // Computed in any case, which makes it a selection and no branch.
+        let logarithm = ln(if j > 0.0 { j / Self::BARRIER } else { f32::NAN });
+        if j >= Self::BARRIER { 0.0 } else { logarithm }
     }
 }
 
@@ -72,24 +51,41 @@ impl<const D: usize> Constitutive<D> for Elastic {
         Matrix::from_diagonal_element(volume_ratio.powf(1.0 / D as f32))
     }
 
-    // The decomposition has branches, so particles go one by one; apart, that the transfer stays wide.
-    #[inline(never)]
+    #[inline(always)]
     fn kirchhoff_stress(&self, states: &GradientBlock<D>) -> Symmetrics<D> {
-        if self.lame.lambda < 0.0 {
-            return self.auxetic_stress(states);
-        }
         let Lame { mu, lambda } = self.lame;
+        let (f, barrier) = (&states.0, 2.0 * self.barrier_modulus());
+        let rotations = rotations(f);
+        let ratios = Constitutive::<D>::volume_ratios(self, states);
         let mut stress = Symmetrics::ZERO;
         for i in 0..LANES {
-            let f = Matrix::load(states, i);
-            let parts = svd(&f);
-            let rotation = parts.u * parts.v.transpose();
-            let j = determinant(&f);
-            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
-                + Matrix::from_diagonal_element(
-                    lambda * j * (j - 1.0) + 2.0 * self.barrier_modulus() * Self::collapse(j),
-                );
-            stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
+            let j = ratios[i];
+            let (mut pressure, mut of_rotation) = (lambda * j * (j - 1.0), 0.0);
+            if lambda < 0.0 {
+                let mut trace = 0.0;
+                for row in 0..D {
+                    for column in 0..D {
+                        trace += rotations[row][column][i] * f[row][column][i];
+                    }
+                }
+                (pressure, of_rotation) = (0.0, lambda * (trace - D as f32));
+            }
+            pressure += barrier * Self::collapse(j);
+            let entry = |row: usize, column: usize| {
+                let mut sum = 0.0;
+                for k in 0..D {
+                    let rotation = rotations[row][k][i];
+                    let part = 2.0 * mu * (f[row][k][i] - rotation) + of_rotation * rotation;
+                    sum += part * f[column][k][i];
+                }
+                sum
+            };
+            for row in 0..D {
+                stress.diagonal[row][i] = entry(row, row) + pressure;
+                for column in row + 1..D {
+                    stress.shear[shear_index::<D>(row, column)][i] = entry(row, column);
+                }
+            }
         }
         stress
     }
@@ -132,23 +128,17 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     fn energy_density(&self, f: &Matrix<D>) -> f32 {
-        let strain = strain(&svd(f).sigma);
+        let rotation = Matrix::load(&GradientBlock(rotations(&f.splat().0)), 0);
         let j = determinant(f);
         let volumetric = if self.lame.lambda < 0.0 {
-            strain.sum()
+            rotation.dot(f) - D as f32
         } else {
             j - 1.0
         };
-        self.lame.mu * strain.norm_squared()
+        self.lame.mu * (f - rotation).norm_squared()
             + 0.5 * self.lame.lambda * volumetric.powi(2)
             + self.barrier_modulus() * Self::collapse(j).powi(2)
     }
-}
-
-/// Stretches less 1, from singular values.
-#[inline(always)]
-fn strain<const D: usize>(sigma: &Vector<D>) -> Vector<D> {
-    sigma.add_scalar(-1.0)
 }
 
 /// Deforms a block with `large` changes in some lanes, which follow the velocity gradient through the substep: exp(dt C) by
