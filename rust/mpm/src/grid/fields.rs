@@ -343,6 +343,16 @@ impl<'a> FieldMap<'a> {
         !self.flows || self.holders.get(chunk).is_some_and(elastic)
     }
 
+    /// The elastic body that reaches a chunk, where nothing else does.
+    #[inline(always)]
+    pub fn elastic_alone(&self, chunk: usize) -> Option<u16> {
+        if self.holders.is_empty() {
+            return (!self.flows).then_some(0);
+        }
+        let alone = self.holders[chunk].alone();
+        alone.filter(|field| self.is_elastic(*field))
+    }
+
     /// Whether a chunk has slots.
     pub fn is_shared(&self, chunk: usize) -> bool {
         self.holders[chunk].is_shared()

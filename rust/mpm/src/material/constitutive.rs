@@ -10,6 +10,9 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     /// State of a particle besides position, velocity and affine matrix.
     type State: State;
 
+    /// Whether each body has a velocity field of its own.
+    const HAS_OWN_FIELD: bool = false;
+
     /// The state at a given volume ratio, without shear.
     fn initial_state(&self, volume_ratio: f32) -> Self::State;
     /// tau = J sigma [Pa].

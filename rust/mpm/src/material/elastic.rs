@@ -47,6 +47,8 @@ impl Elastic {
 impl<const D: usize> Constitutive<D> for Elastic {
     type State = Matrix<D>;
 
+    const HAS_OWN_FIELD: bool = true;
+
     fn initial_state(&self, volume_ratio: f32) -> Matrix<D> {
         Matrix::from_diagonal_element(volume_ratio.powf(1.0 / D as f32))
     }

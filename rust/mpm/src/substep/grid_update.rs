@@ -33,6 +33,7 @@ pub fn grid_update<const D: usize>(
     let gain = lanes(&(forces.gravity * forces.dt), 0.0);
     run_wide(Accelerate { window, gain });
     let friction = &forces.material_friction;
+    (forces.meeting).set_friction(window, fields.as_mut(), kinds);
     if let Some(fields) = &mut fields {
         run_wide(AccelerateSlots::<D> {
             nodes: fields.nodes,

@@ -6,9 +6,10 @@
 //! and they close until it is `TOUCH`, or `TOUCH_FLOW` where one of them flows.
 
 use crate::boundary::{MaterialFriction, remaining_slip};
-use crate::grid::{CHUNK, FieldView, FieldWindow, SMALLEST_MASS, Slopes, View};
+use crate::grid::{CHUNK, FieldMap, FieldView, FieldWindow, SMALLEST_MASS, Slopes, View, Window};
 use crate::linalg::{Vector, lanes, ln};
 use crate::particles::{MaterialGroup, with_group};
+use wide::f32x4;
 
 /// Gap at which contact begins [cells]: faces are rough by as much, because particles are jittered.
 const TOUCH: f32 = 0.15;
@@ -26,6 +27,8 @@ pub struct Meeting {
     friction: Option<f32>,
     /// For each field the part of a node's volume that a kilogram fills [1/kg].
     fill_per_mass: Vec<f32>,
+    /// For each field the wall friction of its material; of the first one a material's, where several flow.
+    wall_friction: Vec<f32>,
     /// Reciprocal of the volume of a cell [1/m^D].
     cells_per_volume: f32,
     /// Whether something flows; all that does shares the first field.
@@ -45,16 +48,21 @@ impl Meeting {
         let mut meeting = Self {
             friction,
             fill_per_mass: Vec::new(),
+            wall_friction: Vec::new(),
             cells_per_volume: 1.0 / cell,
             flows: groups.iter().any(|group| !group.is_elastic()),
             mixes_densities: false,
         };
         for group in groups {
-            let (field, index) =
-                with_group!(group, group => (usize::from(group.field), group.index));
+            let (field, index, friction) = with_group!(
+                group,
+                group => (usize::from(group.field), group.index, group.wall_friction)
+            );
             let fill = 1.0 / (densities[usize::from(index)] * cell);
             let count = meeting.fill_per_mass.len().max(field + 1);
             meeting.fill_per_mass.resize(count, 0.0);
+            meeting.wall_friction.resize(count, 0.0);
+            meeting.wall_friction[field] = friction;
             let of_field = &mut meeting.fill_per_mass[field];
             meeting.mixes_densities |= *of_field != 0.0 && *of_field != fill;
             *of_field = fill;
@@ -70,6 +78,40 @@ impl Meeting {
     /// Number of fields.
     pub fn fields(&self) -> usize {
         self.fill_per_mass.len()
+    }
+
+    /// Sets the wall friction at nodes of elastic bodies, where materials differ in it; that of what flows is summed up by
+    /// particles.
+    pub fn set_friction<const D: usize>(
+        &self,
+        window: &mut Window<'_, D>,
+        fields: Option<&mut FieldWindow<'_, D>>,
+        kinds: FieldMap<'_>,
+    ) {
+        if window.friction_mass.is_empty() || !kinds.any_elastic() {
+            return;
+        }
+        let set = |field: u16, nodes: &[f32x4], friction_mass: &mut [f32]| {
+            let friction = self.wall_friction[usize::from(field)];
+            for (sum, node) in friction_mass.iter_mut().zip(nodes) {
+                *sum = friction * node.as_array()[3];
+            }
+        };
+        for chunk in window.chunks(window.planes.clone()) {
+            if let Some(field) = kinds.elastic_alone(window.first / CHUNK + chunk) {
+                let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
+                let friction_mass = &mut window.friction_mass[nodes.clone()];
+                set(field, &window.nodes[nodes], friction_mass);
+            }
+        }
+        let Some(fields) = fields else { return };
+        for (number, slot) in fields.slots.iter().enumerate() {
+            if kinds.is_elastic(slot.field) {
+                let nodes = number * CHUNK..(number + 1) * CHUNK;
+                let friction_mass = &mut fields.friction_mass[nodes.clone()];
+                set(slot.field, &fields.nodes[nodes], friction_mass);
+            }
+        }
     }
 
     /// Changes the velocities of the nodes of some planes.

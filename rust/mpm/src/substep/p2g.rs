@@ -45,7 +45,8 @@ pub fn p2g<const D: usize, M: Constitutive<D>>(
     {
         scatter_volume(blocks, &window.layout, own);
     }
-    if !window.friction_mass.is_empty() {
+    // That of a field with one body is known: see `Meeting::set_friction`.
+    if !M::HAS_OWN_FIELD && !window.friction_mass.is_empty() {
         scatter_friction(blocks, friction, window, own);
     }
 }
@@ -173,24 +174,26 @@ impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_, D> {
 }
 
 impl<const D: usize> OwnNodes<'_, '_, '_, '_, D> {
-    #[inline(never)]
+    #[inline(always)]
     fn add(&mut self, start: usize, sums: &[[RowSums; 3]; 3], layout: &Layout<D>) {
-        for_each_row::<D>(|a, b| {
-            let begin = start + layout.stencil_row([a, b]);
-            let places = self.own.fields.places(self.first + begin, self.own.field);
-            let of_row = &sums[a][b];
-            for step in 0..3 {
-                if let Some(place) = places[step] {
-                    self.own.fields.nodes[place] += of_row.nodes[step];
-                    of_row.add_old::<D>(step, place, self.own.fields.old);
-                } else {
-                    let node = begin + step;
-                    self.grid.nodes[node] += of_row.nodes[step];
-                    of_row.add_old::<D>(step, node, self.grid.old);
-                    self.grid.dirty[node / CHUNK] = true;
+        for a in 0..3 {
+            for b in 0..if D == 3 { 3 } else { 1 } {
+                let begin = start + layout.stencil_row([a, b]);
+                let places = self.own.fields.places(self.first + begin, self.own.field);
+                let of_row = &sums[a][b];
+                for step in 0..3 {
+                    if let Some(place) = places[step] {
+                        self.own.fields.nodes[place] += of_row.nodes[step];
+                        of_row.add_old::<D>(step, place, self.own.fields.old);
+                    } else {
+                        let node = begin + step;
+                        self.grid.nodes[node] += of_row.nodes[step];
+                        of_row.add_old::<D>(step, node, self.grid.old);
+                        self.grid.dirty[node / CHUNK] = true;
+                    }
                 }
             }
-        });
+        }
     }
 }
 
