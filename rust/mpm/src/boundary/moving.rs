@@ -2,7 +2,7 @@
 
 use super::lines::LINE_CELLS;
 use super::motion::Pose;
-use super::node::{BAND_CELLS, ByRow, stencil_reach};
+use super::node::{BAND_CELLS, ByRow, Nearness, reach_until_sort, stencil_reach};
 use super::obstacle::Obstacle;
 use crate::grid::Layout;
 use crate::linalg::Vector;
@@ -36,13 +36,13 @@ pub struct MovingObstacles<const D: usize> {
     pub moved: f32,
     pub nodes: ByRow<ReachableNode>,
     /// Nodes near to obstacles at rest, as `Obstacles::near`.
-    near_solid: Vec<bool>,
+    near_solid: Vec<Nearness>,
     /// When the nodes were looked for [s]; None before the first search.
     searched: Option<f64>,
 }
 
 impl<const D: usize> MovingObstacles<D> {
-    pub fn new(obstacle_count: usize, near_solid: Vec<bool>) -> Self {
+    pub fn new(obstacle_count: usize, near_solid: Vec<Nearness>) -> Self {
         Self {
             poses: vec![None; obstacle_count],
             speed: 0.0,
@@ -56,15 +56,15 @@ impl<const D: usize> MovingObstacles<D> {
 
     /// Goes to a time [s]. When nodes are searched has no influence on the motion: more are found than an
     /// obstacle acts on, and each is tested before it is used. Where the work is `interrupted`, some are missing until
-    /// the next call.
+    /// the next call. Returns whether they were searched.
     pub fn move_to(
         &mut self,
         list: &[Obstacle<D>],
         layout: &Layout<D>,
         time: f64,
         dt: f32,
-        near: &mut [bool],
-    ) {
+        near: &mut [Nearness],
+    ) -> bool {
         let before = self.speed;
         let corner = layout.upper();
         (self.speed, self.dt) = (0.0, dt);
@@ -78,7 +78,8 @@ impl<const D: usize> MovingObstacles<D> {
         let fastest = f64::from(before.max(self.speed));
         let margin = f64::from(MARGIN_CELLS * layout.dx());
         let valid = |searched: f64| (time - searched).abs() * fastest <= margin;
-        if !self.searched.is_some_and(valid) {
+        let searches = !self.searched.is_some_and(valid);
+        if searches {
             self.search(list, layout, near);
             self.searched = (!interrupted()).then_some(time);
         }
@@ -86,6 +87,7 @@ impl<const D: usize> MovingObstacles<D> {
             .searched
             .map_or(0.0, |searched| (time - searched).abs());
         self.moved = (since * fastest) as f32 + ROUNDING_CELLS * layout.dx();
+        searches
     }
 
     /// Bound on how far a particle with this speed is pushed in a substep [m]. On the way into a solid the
@@ -95,7 +97,7 @@ impl<const D: usize> MovingObstacles<D> {
     }
 
     /// Finds the nodes that the solids may touch while they move by the margin.
-    fn search(&mut self, list: &[Obstacle<D>], layout: &Layout<D>, near: &mut [bool]) {
+    fn search(&mut self, list: &[Obstacle<D>], layout: &Layout<D>, near: &mut [Nearness]) {
         near.copy_from_slice(&self.near_solid);
         self.nodes.clear();
         for row in 0..layout.row_count() {
@@ -133,22 +135,28 @@ pub(super) fn search_row<const D: usize>(
     layout: &Layout<D>,
     row: usize,
     margin: f32,
-    near: &mut [bool],
+    near: &mut [Nearness],
     mut found: impl FnMut(usize, f32, Vector<D>),
 ) {
     let dx = layout.dx();
     let margin = margin * dx;
-    let (outer, inner) = (stencil_reach(layout) + margin, -BAND_CELLS * dx - margin);
+    let (now, until_sort) = (stencil_reach(layout), reach_until_sort(layout));
+    let inner = -BAND_CELLS * dx - margin;
     let mut node = layout.row_coordinates(row);
     let mut column = 0;
     while column < layout.columns() {
         node[D - 1] = column;
         let (distance, normal) = obstacle.distance_in(pose, &layout.position(node));
         // A distance changes by at most dx from one node to the next.
-        let to_surface = (distance - outer).max(inner - distance);
+        let to_surface = (distance - margin - until_sort).max(inner - distance);
         let stride = ((to_surface / dx) as usize).clamp(1, layout.columns() - column);
-        if distance < outer {
-            near[column..column + stride].fill(true);
+        let nearness = match distance - margin {
+            distance if distance < now => Nearness::Now,
+            distance if distance < until_sort => Nearness::UntilSort,
+            _ => Nearness::Never,
+        };
+        for near in &mut near[column..column + stride] {
+            *near = nearness.max(*near);
         }
         if distance <= margin + LINE_CELLS * dx && distance > inner {
             found(column, distance, normal);

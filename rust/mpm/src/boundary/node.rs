@@ -39,9 +39,25 @@ pub(super) fn may_act_at<const D: usize>(distance: f32, moved: f32, layout: &Lay
     distance - moved <= -DEEP_CELLS * layout.dx() && distance + moved > -BAND_CELLS * layout.dx()
 }
 
-/// How far from its stencil's lowest node a particle is tested: it has moved by up to a cell since.
+/// How far from the middle node of its stencil a particle is tested: it has moved by up to a cell since. More than the spline
+/// of a node reaches.
 pub(super) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
-    (1.5 * (D as f32).sqrt() + 1.0) * layout.dx()
+    (0.5 * (D as f32).sqrt() + 1.0) * layout.dx()
+}
+
+/// The same before the next sort: with a cell since the last one, and another before the obstacles moved.
+pub(super) fn reach_until_sort<const D: usize>(layout: &Layout<D>) -> f32 {
+    stencil_reach(layout) + 2.0 * layout.dx()
+}
+
+/// Whether what is at a node may touch an obstacle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Nearness {
+    Never,
+    /// Before particles are sorted next.
+    UntilSort,
+    /// In this substep.
+    Now,
 }
 
 /// Changes the velocity of a node that has mass, and returns the impulse that did it [kg m/s].

@@ -4,7 +4,9 @@ use super::contact::Walls;
 use super::lines::{LINE_CELLS, Line, LineWindow, Solids};
 use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
-use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, may_act_at, stencil_reach};
+use super::node::{
+    ByRow, MaterialFriction, Nearness, acts_at, change_velocity, may_act_at, reach_until_sort,
+};
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
 use super::wall_fill::cumulative;
@@ -37,8 +39,8 @@ pub struct Obstacles<const D: usize> {
     dt: f32,
     /// None where all obstacles are at rest.
     moving: Option<MovingObstacles<D>>,
-    /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
-    near: Vec<bool>,
+    /// Whether what is at a node may touch an obstacle; empty without obstacles.
+    near: Vec<Nearness>,
 }
 
 impl<const D: usize> Obstacles<D> {
@@ -86,14 +88,14 @@ impl<const D: usize> Obstacles<D> {
             elastic: true,
         };
         let rows_per_plane = layout.rows_per_plane();
-        self.near = vec![false; layout.row_count() * layout.row_length];
+        self.near = vec![Nearness::Never; layout.row_count() * layout.row_length];
         let mut solid = Vec::new();
         'all: for (index, obstacle) in self.list.iter().enumerate() {
             if obstacle.motion.is_some() {
                 continue;
             }
             let [lower, upper] = obstacle.shape.bounds();
-            let reach = stencil_reach(&layout);
+            let reach = reach_until_sort(&layout);
             let nodes = |axis: usize| {
                 // Solids may reach to infinity.
                 let farthest = layout.upper()[axis] + 1.0;
@@ -151,12 +153,14 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
-    /// Takes the end of a substep of length `dt` [s], and puts the moving obstacles where they are then [s].
-    pub fn move_to(&mut self, time: f64, dt: f32) {
+    /// Takes the end of a substep of length `dt` [s], and puts the moving obstacles where they are then [s]. Returns whether
+    /// `near_until_sort` may have changed.
+    pub fn move_to(&mut self, time: f64, dt: f32) -> bool {
         self.dt = dt;
-        if let Some(moving) = &mut self.moving {
-            moving.move_to(&self.list, &self.layout, time, dt, &mut self.near);
-        }
+        let moving = self.moving.as_mut();
+        moving.is_some_and(|moving| {
+            moving.move_to(&self.list, &self.layout, time, dt, &mut self.near)
+        })
     }
 
     /// Bound on the speed of the moving solids [m/s]; 0 where all are at rest.
@@ -398,10 +402,22 @@ impl<const D: usize> Obstacles<D> {
         !self.near.is_empty()
     }
 
-    /// Whether the particle with this lowest stencil node has to be tested.
+    /// Whether a particle with this lowest node of its stencil has to be tested in this substep.
     #[inline(always)]
-    pub fn near(&self, node: usize) -> bool {
-        self.near[node]
+    pub fn near_stencil(&self, start: usize) -> bool {
+        self.near[start + self.layout.stencil_middle()] == Nearness::Now
+    }
+
+    /// Whether it may have to be before the next sort.
+    #[inline(always)]
+    pub fn near_until_sort(&self, start: usize) -> bool {
+        self.near[start + self.layout.stencil_middle()] != Nearness::Never
+    }
+
+    /// Whether an obstacle reaches the spline of a node.
+    #[inline(always)]
+    pub fn near_node(&self, node: usize) -> bool {
+        self.near[node] == Nearness::Now
     }
 
     /// The part of a node's spline [-] that lies in the nearest obstacle, whose face counts as plane.

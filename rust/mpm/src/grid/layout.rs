@@ -117,6 +117,12 @@ impl<const D: usize> Layout<D> {
             _ => (step[0] * self.extents[1] + step[1]) * self.row_length,
         }
     }
+
+    /// Memory offset of the middle node of a stencil from its lowest one.
+    #[inline(always)]
+    pub fn stencil_middle(&self) -> usize {
+        self.stencil_row([1, 1]) + 1
+    }
 }
 
 /// The part `lo..hi` of a row that some particle may touch before the next sort, in whole chunks.

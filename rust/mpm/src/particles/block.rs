@@ -21,6 +21,8 @@ pub struct Block<const D: usize, S: State> {
     pub calm: Lanes,
     pub state: S::Block,
     pub count: usize,
+    /// Whether one of them may touch an obstacle before the next sort; false without obstacles.
+    pub near_solid: bool,
 }
 
 impl<const D: usize, S: State> Block<D, S> {
@@ -36,6 +38,7 @@ impl<const D: usize, S: State> Block<D, S> {
             calm: [0.0; LANES],
             state: like.state.splat(),
             count: 0,
+            near_solid: false,
         };
         for axis in 0..D {
             block.x[axis] = [like.x[axis]; LANES];

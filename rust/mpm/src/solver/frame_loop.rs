@@ -236,7 +236,7 @@ impl<const D: usize> Solver<D> {
         let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
         let mut remaining = frame_dt;
-        let mut travelled = 0.0;
+        let (mut travelled, mut is_new) = (0.0, true);
         if let Some(elapsed) = self.volume.as_ref().and_then(|v| v.due(self.state.frame)) {
             self.correct_volumes(elapsed);
         }
@@ -249,11 +249,12 @@ impl<const D: usize> Solver<D> {
                 .next(remaining, speed, self.obstacles.speed())?;
             if travelled >= dx {
                 self.sort();
-                travelled = 0.0;
+                (travelled, is_new) = (0.0, true);
             }
             let end = start + f64::from(frame_dt - remaining + dt);
-            self.obstacles.move_to(end, dt);
-            let outcome = self.run(&Stage::ALL, P2gStep { dt, force });
+            is_new |= self.obstacles.move_to(end, dt);
+            let outcome = self.run(&Stage::ALL, P2gStep { dt, force }, is_new);
+            is_new = false;
             // Stages that are interrupted leave slabs out.
             self.check_cancelled()?;
             self.state.max_speed = outcome.max_speed_squared.sqrt();
@@ -355,8 +356,9 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Takes the sorted particles and the grid through some stages of a substep.
-    pub(super) fn run(&mut self, stages: &[Stage], step: P2gStep<'_, D>) -> Outcome {
+    /// Takes the sorted particles and the grid through some stages of a substep. `is_new` where it is the first one after a
+    /// sort, or after `Obstacles::move_to` asked for it.
+    pub(super) fn run(&mut self, stages: &[Stage], step: P2gStep<'_, D>, is_new: bool) -> Outcome {
         let substep = Substep {
             step,
             forces: GridForces {
@@ -369,6 +371,7 @@ impl<const D: usize> Solver<D> {
             },
             bounds: &self.bounds,
             transfer_loss: self.settings.transfer_loss.unwrap_or(0.0),
+            is_new,
         };
         let groups = &mut self.state.groups;
         let (grid, reactions) = (&mut self.grid, &mut self.reactions);

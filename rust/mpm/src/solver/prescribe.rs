@@ -127,7 +127,7 @@ impl<const D: usize> Solver<D> {
             dt: 0.0,
             force: FrameForce::None,
         };
-        self.run(&[Stage::P2g, Stage::GridUpdate, Stage::Across], step);
+        self.run(&[Stage::P2g, Stage::GridUpdate, Stage::Across], step, true);
         let mut largest = 0.0;
         for group in &mut self.state.groups {
             with_group!(group, group => {

@@ -58,6 +58,8 @@ pub struct OwnView<'a, const D: usize> {
 pub struct Solids<'a, const D: usize> {
     pub bounds: &'a Bounds<D>,
     pub obstacles: &'a Obstacles<D>,
+    /// Whether obstacles or the order of particles are new, so that blocks near obstacles have to be found.
+    pub are_new: bool,
 }
 
 /// Updates blocks of one group from the nodes' velocities, over a substep of `dt` [s].
@@ -71,7 +73,18 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
     time: Time,
 ) -> Outcome {
     let Nodes { grid, own } = nodes;
-    let Solids { bounds, obstacles } = solids;
+    let Solids {
+        bounds,
+        obstacles,
+        are_new,
+    } = solids;
+    if are_new && obstacles.any() {
+        for block in &mut *blocks {
+            let stencils = Stencils::at(&block.x, &grid.layout);
+            let mut starts = stencils.start[..block.count].iter();
+            block.near_solid = starts.any(|start| obstacles.near_until_sort(*start as usize));
+        }
+    }
     let blocks = GatherBlocks::<D, M, false> {
         blocks,
         material,
@@ -226,7 +239,7 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
             if moved.outside {
                 sound &= keep_inside(block, bounds, reactions);
             }
-            if obstacles.any() && sound && broken == [0; LANES] {
+            if block.near_solid && obstacles.any() && sound && broken == [0; LANES] {
                 obstacle_work += push_out(block, &stencils, obstacles, friction, reactions);
             }
         }
@@ -552,7 +565,7 @@ fn push_out<const D: usize, S: State>(
     for lane in 0..block.count {
         let x = Vector::from_fn(|axis, _| block.x[axis][lane]);
         // Few of those near an obstacle are inside; the others are not touched.
-        if obstacles.near(stencils.start[lane] as usize) && obstacles.contains(&x) {
+        if obstacles.near_stencil(stencils.start[lane] as usize) && obstacles.contains(&x) {
             let mut particle = block.get(lane, Activity::Awake);
             let mass = particle.mass;
             let pushed = |obstacle: usize, x: &Vector<D>, change: &Vector<D>| {

@@ -90,6 +90,8 @@ pub struct Substep<'a, const D: usize> {
     pub bounds: &'a Bounds<D>,
     /// Rate at which particles lose their deviations from the grid [1/s], where velocities before forces are kept.
     pub transfer_loss: f32,
+    /// Whether obstacles or the order of particles are new.
+    pub is_new: bool,
 }
 
 impl<const D: usize> Substep<'_, D> {
@@ -275,6 +277,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         let solids = Solids {
             bounds: substep.bounds,
             obstacles: substep.forces.obstacles,
+            are_new: substep.is_new,
         };
         let awake = &mut self.awake(slab);
         let cut = |part: usize| part * awake.len() / parts;

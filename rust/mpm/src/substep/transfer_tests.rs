@@ -150,6 +150,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>, keeps: bool) -> (Grid<D>, 
         },
         bounds: &Bounds::new(walls, &Vector::zeros(), &layout),
         transfer_loss: 0.0,
+        is_new: true,
     };
     let mut sums = vec![Reactions::none(0); slabs.len()];
     substep.run(

@@ -76,7 +76,7 @@ impl<const D: usize> Surfaces<D> {
         }
         let stencils = Stencils::at(&block.x, &self.layout);
         for lane in 0..LANES {
-            if self.obstacles.near(stencils.start[lane] as usize) {
+            if self.obstacles.near_stencil(stencils.start[lane] as usize) {
                 let mut particle = block.get(lane);
                 let friction = self.frictions[usize::from(particle.material)];
                 self.obstacles

@@ -112,7 +112,7 @@ impl<const D: usize> Pass<'_, D> {
             for place in chunk * CHUNK..(chunk + 1) * CHUNK {
                 let index = window.first + place;
                 let column = index % layout.row_length;
-                if column < layout.columns() && self.obstacles.near(index) {
+                if column < layout.columns() && self.obstacles.near_node(index) {
                     let mut node = layout.row_coordinates(index / layout.row_length);
                     node[D - 1] = column;
                     let room = self.obstacles.fill(node) * self.room.fine.at_node(node);
