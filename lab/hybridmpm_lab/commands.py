@@ -7,6 +7,7 @@ _MODULES = {
     "batch": "speed.solver",
     "control": "control.table",
     "coarse": "compare.lists",
+    "contact": "speed.contact",
     "findings": "compare.findings",
     "forces": "speed.forces",
     "fit": "fitting.levels",

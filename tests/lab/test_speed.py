@@ -60,6 +60,14 @@ def test_rows_of_the_cost_of_forces(tmp_path: Path) -> None:
     assert f"{row['with_forces']}" in printed
 
 
+def test_rows_of_the_cost_of_contact(tmp_path: Path) -> None:
+    name = "two discs that touch"
+    printed, (row,) = measured(tmp_path, "contact", "--scene", name, "--repeats", "2", chart=False)
+    assert (row["scene"], row["particles"], row["substeps"]) == (name, 6040, 40)
+    assert row["ratio"] == pytest.approx(row["ms_per_frame"] / row["without"], abs=2e-3)
+    assert f"{row['ms_per_frame']}" in printed
+
+
 @pytest.mark.skipif(
     os.environ.get("CI") != "true" and shutil.which("chromium") is None, reason="needs Debian's chromium"
 )
