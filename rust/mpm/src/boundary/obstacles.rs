@@ -168,14 +168,6 @@ impl<const D: usize> Obstacles<D> {
         self.moving.as_ref().map_or(0.0, |moving| moving.speed)
     }
 
-    /// Bound on how far a particle with this speed moves in a substep, being pushed out included [m].
-    pub fn travel(&self, speed: f32, dt: f32) -> f32 {
-        match &self.moving {
-            None => speed * dt,
-            Some(moving) => speed * dt + moving.longest_push(speed, dt),
-        }
-    }
-
     /// Whether there may be lines across surfaces that lie along the first axis.
     pub fn act_across(&self) -> bool {
         self.moving.is_some() || !self.lines[0].is_empty()
@@ -439,7 +431,7 @@ impl<const D: usize> Obstacles<D> {
     }
 
     /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its
-    /// velocity [J/kg], and calls back with each obstacle, the place, and its change of the velocity.
+    /// velocity [J/kg] and how far they moved it [m], and calls back with each obstacle, the place, and its change of the velocity.
     #[inline(never)]
     pub fn push_out(
         &self,
@@ -447,8 +439,8 @@ impl<const D: usize> Obstacles<D> {
         v: &mut Vector<D>,
         material_friction: f32,
         mut pushed: impl FnMut(usize, &Vector<D>, &Vector<D>),
-    ) -> f64 {
-        let mut work = 0.0;
+    ) -> (f64, f32) {
+        let (mut work, mut moved) = (0.0, 0.0);
         for (index, obstacle) in self.list.iter().enumerate() {
             let pose = self
                 .moving
@@ -456,8 +448,10 @@ impl<const D: usize> Obstacles<D> {
                 .and_then(|moving| moving.poses[index].as_ref());
             let (distance, normal) = obstacle.distance_in(pose, x);
             if distance < 0.0 {
-                *x -= normal * self.correction(distance, pose, v);
+                let correction = self.correction(distance, pose, v);
+                *x -= normal * correction;
                 if pose.is_some() {
+                    moved -= correction;
                     // A particle between an obstacle and a wall stays in the box; the obstacle passes it.
                     *x = Vector::from_fn(|axis, _| {
                         x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis])
@@ -470,7 +464,7 @@ impl<const D: usize> Obstacles<D> {
                 *v = changed;
             }
         }
-        work
+        (work, moved)
     }
 
     /// Displacement of a particle at this negative distance.

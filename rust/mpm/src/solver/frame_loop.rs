@@ -261,7 +261,7 @@ impl<const D: usize> Solver<D> {
             if !outcome.sound {
                 return Err(self.diagnose());
             }
-            travelled += self.obstacles.travel(self.state.max_speed, dt);
+            travelled += self.state.max_speed * dt + outcome.longest_push;
             remaining -= dt;
             // The remainder after the last substep is rounding.
             if remaining < 1.0e-3 * dt {

@@ -21,6 +21,8 @@ pub struct Outcome {
     pub sound: bool,
     /// Work of moving obstacles on them [J].
     pub obstacle_work: f64,
+    /// How far moving obstacles have moved a particle at most, besides its velocity [m].
+    pub longest_push: f32,
 }
 
 impl Outcome {
@@ -28,6 +30,7 @@ impl Outcome {
         max_speed_squared: 0.0,
         sound: true,
         obstacle_work: 0.0,
+        longest_push: 0.0,
     };
 
     pub fn and(self, other: Self) -> Self {
@@ -35,6 +38,7 @@ impl Outcome {
             max_speed_squared: self.max_speed_squared.max(other.max_speed_squared),
             sound: self.sound && other.sound,
             obstacle_work: self.obstacle_work + other.obstacle_work,
+            longest_push: self.longest_push.max(other.longest_push),
         }
     }
 }
@@ -189,7 +193,7 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
         } = self;
         let mut max_speed_squared = f32x4::ZERO;
         let mut sound = true;
-        let mut obstacle_work = 0.0;
+        let (mut obstacle_work, mut longest_push) = (0.0, 0.0f32);
         // Lane by lane: a sum across lanes for each block takes longer than all that it sums up.
         let mut broken = [0u32; LANES];
         for block in self.blocks {
@@ -240,13 +244,16 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
                 sound &= keep_inside(block, bounds, reactions);
             }
             if block.near_solid && obstacles.any() && sound && broken == [0; LANES] {
-                obstacle_work += push_out(block, &stencils, obstacles, friction, reactions);
+                let (work, push) = push_out(block, &stencils, obstacles, friction, reactions);
+                obstacle_work += work;
+                longest_push = longest_push.max(push);
             }
         }
         Outcome {
             max_speed_squared: max_speed_squared.to_array().into_iter().fold(0.0, f32::max),
             sound: sound && broken == [0; LANES],
             obstacle_work,
+            longest_push,
         }
     }
 }
@@ -553,15 +560,16 @@ fn keep_inside<const D: usize, S: State>(
     sound
 }
 
-/// Moves particles that got into an obstacle back to its surface, and returns the work of moving obstacles [J].
+/// Moves particles that got into an obstacle back to its surface. Returns the work of moving obstacles [J], and how far they
+/// moved one of them at most [m].
 fn push_out<const D: usize, S: State>(
     block: &mut Block<D, S>,
     stencils: &Stencils<D>,
     obstacles: &Obstacles<D>,
     friction: f32,
     reactions: &mut Reactions<D>,
-) -> f64 {
-    let mut work = 0.0;
+) -> (f64, f32) {
+    let (mut work, mut longest_push) = (0.0, 0.0f32);
     for lane in 0..block.count {
         let x = Vector::from_fn(|axis, _| block.x[axis][lane]);
         // Few of those near an obstacle are inside; the others are not touched.
@@ -571,10 +579,12 @@ fn push_out<const D: usize, S: State>(
             let pushed = |obstacle: usize, x: &Vector<D>, change: &Vector<D>| {
                 reactions.push(obstacle, x, &(change * mass));
             };
-            let by_mass = obstacles.push_out(&mut particle.x, &mut particle.v, friction, pushed);
+            let (x, v) = (&mut particle.x, &mut particle.v);
+            let (by_mass, moved) = obstacles.push_out(x, v, friction, pushed);
             work += by_mass * f64::from(mass);
+            longest_push = longest_push.max(moved);
             block.set(lane, &particle);
         }
     }
-    work
+    (work, longest_push)
 }

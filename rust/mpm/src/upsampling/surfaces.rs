@@ -79,8 +79,8 @@ impl<const D: usize> Surfaces<D> {
             if self.obstacles.near_stencil(stencils.start[lane] as usize) {
                 let mut particle = block.get(lane);
                 let friction = self.frictions[usize::from(particle.material)];
-                self.obstacles
-                    .push_out(&mut particle.x, &mut particle.v, friction, |_, _, _| ());
+                let (x, v) = (&mut particle.x, &mut particle.v);
+                self.obstacles.push_out(x, v, friction, |_, _, _| ());
                 block.set(lane, &particle.x, &particle.v);
             }
         }
