@@ -10,9 +10,11 @@ from hybridmpm import ConfigError, MpmSolver, _core
 from hybridmpm.scene import Box, Sand, Scene, Walls
 from hybridmpm_lab.validation import (
     CASES,
+    cantilever,
     colliding_discs,
     column_collapse,
     dam_break,
+    drum,
     floating,
     hanging,
     hopper,
@@ -34,7 +36,9 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "round_columns": lambda: round_columns.run((1.0,), resolution=64),
     "poured_heap": lambda: poured_heap.run((64,), seeds=1),
     "rebound": lambda: rebound.run((64,)),
+    "drum": lambda: drum.run((24.0,)),
     "hanging": lambda: hanging.run((64,)),
+    "cantilever": lambda: cantilever.run((64,)),
     "rolling": lambda: rolling.run(seeds=1),
     "floating": lambda: floating.run((64,), (300.0,)),
     "torricelli": lambda: torricelli.run((2,), (None, 24)),
@@ -55,7 +59,7 @@ LONGER: dict[str, Callable[[], Result]] = {
 
 
 SLOW = (
-    "column_collapse", "floating", "hopper", "poured_heap", "rotation", "round_columns", "torricelli",
+    "column_collapse", "drum", "floating", "hopper", "poured_heap", "rotation", "round_columns", "torricelli",
 )  # fmt: skip
 """Cases whose short form takes three seconds or more."""
 

@@ -7,9 +7,11 @@ docs/results/validation explains the cases.
 from collections.abc import Callable
 
 from hybridmpm_lab.validation import (
+    cantilever,
     colliding_discs,
     column_collapse,
     dam_break,
+    drum,
     floating,
     free_fall,
     hanging,
@@ -33,6 +35,7 @@ CASES: dict[str, Callable[[], Result]] = {
     "column_collapse": column_collapse.run,
     "round_columns": round_columns.run,
     "poured_heap": poured_heap.run,
+    "drum": drum.run,
     "rebound": rebound.run,
     "hydrostatic": hydrostatic.run,
     "floating": floating.run,
@@ -41,6 +44,7 @@ CASES: dict[str, Callable[[], Result]] = {
     "standing_wave": standing_wave.run,
     "sliding_block": sliding_block.run,
     "hanging": hanging.run,
+    "cantilever": cantilever.run,
     "rolling": rolling.run,
     "rotation": rotation.run,
     "colliding_discs": colliding_discs.run,

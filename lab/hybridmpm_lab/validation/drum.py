@@ -1,4 +1,4 @@
-"""Sand in a drum that turns slowly: its surface flows at the angle at which sand slides steadily."""
+"""Sand in a drum that turns slowly: the torque of its weight tells the angle at which its surface flows."""
 
 import math
 
@@ -6,60 +6,60 @@ import numpy as np
 
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Motion, Sand, Scene, SegmentObstacle, Walls
-from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result
+from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, recorded
+from hybridmpm_lab.validation.column_collapse import angle_for_sand, plane_strain_angle
 
-ANGLES = (25.0, 35.0)
-"""Friction angles [degrees]."""
-_TOLERANCE = 0.15  # accepted relative error of the slope [-]
-_RADIUS, _THICKNESS, _SIDES = 0.3, 0.05, 32  # inner radius and thickness of the drum [m], its staves
-_TURNING = 0.5  # [rad/s]; w^2 R / g is 0.008, so the surface is straight
-_START, _FRAMES = 240, 240  # frames before the mean slope is taken, and those of the mean
-_BINS = np.linspace(-0.5, 0.5, 13) * _RADIUS  # columns whose highest particles are the surface [m]
-
-
-def run(resolutions: tuple[int, ...] = (64, 96, 128)) -> Result:
-    """Turn the drum at each resolution [cells/m] with sand of each friction angle."""
-    checks, curves = [], []
-    for k, angle in enumerate(ANGLES):
-        exact = math.degrees(math.atan(math.sin(math.radians(angle))))
-        for resolution in resolutions:
-            slope, surface = _surface(angle, resolution)
-            name = f"friction angle {angle:g}, {resolution}^2: slope over arctan(sin phi), less 1"
-            checks.append(Check.at_most(name, slope / exact - 1, _TOLERANCE))
-            checks.append(Check.reported(f"friction angle {angle:g}, {resolution}^2: slope [degrees]", slope, f"{exact:.1f}"))
-        middle = (_BINS[1:] + _BINS[:-1]) / 2
-        curves.append(Curve(middle, surface, f"phi = {angle:g} degrees, {resolution}^2", k, "o"))
-        height = float(surface.mean())
-        curves.append(Curve(middle, height + middle * math.tan(math.radians(exact)), colour=k))
-    label = "height over the axis [m]"
-    return Result(checks, [Panel("Drum", "place beside the axis [m]", label, curves, {"aspect": "equal"})])
+REPOSE = (16.0, 24.0, 32.0)
+"""Angles at which sand slides steadily [degrees]."""
+_TOLERANCE = 0.15  # accepted relative error of the angle [-]
+_RADIUS, _THICKNESS, _STAVES = 0.3, 0.05, 32  # inner radius and thickness of the drum [m]
+_FILL = 0.49  # part of the drum [-]
+_TURNING = 0.25  # [rad/s]; w^2 R / g is 0.002
+_START, _FRAMES, _EVERY = 600, 300, 5  # frames before the mean, those of the mean, and between its parts
 
 
-def _surface(angle: float, resolution: int) -> tuple[float, Floats]:
-    """Return the mean slope [degrees] and the mean heights of the surface over the axis, (12,) [m]."""
-    center = (0.5, 0.5)
-    outside = _RADIUS + _THICKNESS / 2
-    corners = [
-        (0.5 + outside * math.cos(turn), 0.5 + outside * math.sin(turn))
-        for turn in (2 * math.pi * k / _SIDES for k in range(_SIDES + 1))
-    ]
+def run(repose: tuple[float, ...] = REPOSE, *, resolution: int = 96) -> Result:
+    """Turn the drum with sand of each kind at a resolution [cells/m]."""
+    checks: list[Check] = []
+    curves: list[Curve] = []
+    for k, angle in enumerate(repose):
+        time, found = _angles(angle, resolution)
+        band = (1 - _TOLERANCE) * angle, (1 + _TOLERANCE) * angle
+        name = f"sand that slides at {angle:g} degrees, {resolution}^2"
+        checks += (
+            Check.between(f"{name}: angle [degrees]", float(np.mean(found)), band),
+            Check.reported(f"{name}: its standard deviation [degrees]", float(np.std(found))),
+        )
+        curves += (
+            Curve(time, found, f"slides at {angle:g} degrees", k),
+            Curve((0, time[-1]), (angle, angle), colour=k, style="--"),
+        )
+    label = "angle of the centre of mass [degrees]"
+    return Result(checks, [Panel("Drum", "time [s]", label, curves, {"ylim": (0, None)})])
+
+
+def _angles(repose: float, resolution: int) -> tuple[Floats, Floats]:
+    """Return times [s] and angles [degrees], both (M,), of the line from the axis to the centre of mass against the vertical.
+
+    That line is normal to a straight surface.
+    """
+    outside, center = _RADIUS + _THICKNESS / 2, (0.5, 0.5)
+    turns = [2 * math.pi * k / _STAVES for k in range(_STAVES + 1)]
+    corners = [(0.5 + outside * math.cos(turn), 0.5 + outside * math.sin(turn)) for turn in turns]
     motion = Motion(angular_velocity=_TURNING, center=center)
     staves = tuple(
         SegmentObstacle(start=start, end=end, thickness=_THICKNESS, contact="sticky", motion=motion)
         for start, end in zip(corners[:-1], corners[1:], strict=True)
     )
-    sand = Ball(material=Sand(friction_angle=angle), center=(0.5, 0.5), radius=_RADIUS * 0.65)
+    stuff = Sand(friction_angle=angle_for_sand(plane_strain_angle(repose)))
+    sand = Ball(material=stuff, center=center, radius=_RADIUS * math.sqrt(_FILL))
     walls = Walls(lower=(0.05, 0.05), upper=(0.95, 0.95))
     solver = MpmSolver(Scene(dim=2, resolution=resolution, walls=walls, bodies=(sand,), obstacles=staves))
     solver.advance(_START)
-    heights = np.zeros(len(_BINS) - 1)
-    for _ in range(_FRAMES):
-        solver.advance(1)
-        x, y = solver.positions.T.astype(np.float64) - 0.5
-        of_bin = np.digitize(x, _BINS) - 1
-        inside = (of_bin >= 0) & (of_bin < len(heights))
-        tops = np.full(len(heights), -np.inf)
-        np.maximum.at(tops, of_bin[inside], y[inside])
-        heights += tops / _FRAMES
-    slope = np.polyfit((_BINS[1:] + _BINS[:-1]) / 2, heights, 1)[0]
-    return math.degrees(math.atan(abs(float(slope)))), heights
+    time, (x, y) = recorded(solver, _FRAMES // _EVERY, _center, every=_EVERY)
+    return time, np.degrees(np.arctan2(np.abs(x), -y))
+
+
+def _center(solver: MpmSolver) -> tuple[float, ...]:
+    """Return the centre of mass from the axis on [m]."""
+    return tuple(float(x) for x in solver.positions.mean(axis=0, dtype=np.float64) - 0.5)

@@ -15,7 +15,7 @@ _MODULUS, _POISSON, _G = 1e5, 0.3, 9.81
 _PERIODS = 6
 
 
-def run(resolutions: tuple[int, ...] = (64, 96, 128)) -> Result:
+def run(resolutions: tuple[int, ...] = (64, 96, 128, 160, 256)) -> Result:
     """Hang the bar at several places of walls and obstacles at each resolution [cells/m]."""
     stuff = Elastic(youngs_modulus=_MODULUS, poisson_ratio=_POISSON)
     plane = _MODULUS / (1 - _POISSON**2)
