@@ -53,7 +53,8 @@ LIMITS = {
     # 60 lines time the sums of forces; 130 are a client of plain sockets.
     # 170 lines let viscous liquids flow.
     # 285 lines draw twenty outlines, and measure several goals in turn.
-    "laboratory": (("lab/**.py",), 10_160),
+    # 155 lines time what obstacles and touching bodies cost; 135 bend a beam and turn a drum.
+    "laboratory": (("lab/**.py",), 10_440),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -102,7 +103,7 @@ LIMITS = {
     # 170 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
     # 120 lines trace texts and pictures.
     "tests": (("tests/**.py",), 37_070),
-    "tests of the laboratory": (("tests/lab/**.py",), 2_040),
+    "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""
 

@@ -59,9 +59,7 @@ def _bent(
     else:
         obstacles = (BoxObstacle(lower=(0.02, 0.3), upper=(clamp, 0.7), contact="sticky"),)
     solver = MpmSolver(
-        Scene(
-            dim=2, resolution=resolution, walls=walls, bodies=(beam,), obstacles=obstacles, frame_dt=_FRAME
-        )
+        Scene(dim=2, resolution=resolution, walls=walls, bodies=(beam,), obstacles=obstacles, frame_dt=_FRAME)
     )
     start = solver.positions.astype(np.float64)
     end = start[:, 0] > clamp + _LENGTH - _HEIGHT / 4

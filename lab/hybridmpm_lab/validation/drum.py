@@ -1,5 +1,6 @@
 """Sand in a drum that turns slowly: the torque of its weight tells the angle at which its surface flows."""
 
+import itertools
 import math
 
 import numpy as np
@@ -39,9 +40,9 @@ def run(repose: tuple[float, ...] = REPOSE, *, resolution: int = 96) -> Result:
 
 
 def _angles(repose: float, resolution: int) -> tuple[Floats, Floats]:
-    """Return times [s] and angles [degrees], both (M,), of the line from the axis to the centre of mass against the vertical.
+    """Return times [s] and angles of the line from the axis to the centre of mass [degrees], both (M,).
 
-    That line is normal to a straight surface.
+    They are against the vertical. The line is normal to a straight surface.
     """
     outside, center = _RADIUS + _THICKNESS / 2, (0.5, 0.5)
     turns = [2 * math.pi * k / _STAVES for k in range(_STAVES + 1)]
@@ -49,7 +50,7 @@ def _angles(repose: float, resolution: int) -> tuple[Floats, Floats]:
     motion = Motion(angular_velocity=_TURNING, center=center)
     staves = tuple(
         SegmentObstacle(start=start, end=end, thickness=_THICKNESS, contact="sticky", motion=motion)
-        for start, end in zip(corners[:-1], corners[1:], strict=True)
+        for start, end in itertools.pairwise(corners)
     )
     stuff = Sand(friction_angle=angle_for_sand(plane_strain_angle(repose)))
     sand = Ball(material=stuff, center=center, radius=_RADIUS * math.sqrt(_FILL))
