@@ -32,6 +32,7 @@ from hybridmpm.errors import SimulationError
 from hybridmpm.physics import NeuralModel, manifest
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm.scenarios.trained_on import TrainedOn
+from hybridmpm.scene import LIQUIDS
 from hybridmpm.training.export import exported_model
 
 
@@ -186,6 +187,9 @@ def test_scenes_of_other_numbers_are_refused(model: NeuralModel, model_3d: Neura
     rough = [body.model_copy(update={"material": Water(wall_friction=0.5)}) for body in scene.bodies]
     with pytest.raises(ConfigError, match=r"of wall_friction 0; the scene's has wall_friction 0\.5"):
         model.check(scene.model_copy(update={"bodies": tuple(rough)}))
+    honey = [body.model_copy(update={"material": LIQUIDS["honey"]}) for body in scene.bodies]
+    with pytest.raises(ConfigError, match="with water; the scene has liquid"):
+        model.check(scene.model_copy(update={"bodies": tuple(honey)}))
     ball = BallObstacle(center=(0.5, 0.5, 0.5), radius=0.1)
     with pytest.raises(ConfigError, match="trained on sand_3d, without obstacles; the scene has 1"):
         model_3d.check(scenarios.sand_3d(0).model_copy(update={"obstacles": (ball,)}))
