@@ -606,12 +606,18 @@ impl<const N: usize> LineNodes<N> {
     fn leave_out_what_does_not_touch(&mut self, touching: Touch, count: usize) -> bool {
         let [_, middle, inner] = self.mass;
         let mut any = false;
+        let mut touches = [false; LANES];
         for i in 0..LANES {
-            let touches = middle[i] > SMALLEST_MASS && touching.touches(middle[i], inner[i]);
-            for mass in &mut self.mass {
-                mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
+            touches[i] =
+                (middle[i] > SMALLEST_MASS) & touching.touches(middle[i], inner[i]) & (i < count);
+            any |= touches[i];
+        }
+        for mass in &mut self.mass {
+            let mut kept = [0.0; LANES];
+            for i in 0..LANES {
+                kept[i] = if touches[i] { mass[i] } else { 0.0 };
             }
-            any |= touches & (i < count);
+            *mass = kept;
         }
         any
     }
@@ -661,6 +667,8 @@ impl<const N: usize> LineNodes<N> {
                 }
             }
         }
+        // Read in the loop they would be gathered, lane by lane.
+        let (weights, inward) = (side.weights, side.inward);
         for i in 0..LANES {
             let mut mobility = [0.0; 3];
             let mut at_wall = [0.0; N];
@@ -669,7 +677,7 @@ impl<const N: usize> LineNodes<N> {
                 // Empty nodes have no velocity to speak of and take no impulse.
                 let mass = self.mass[step][i];
                 let there = mass > SMALLEST_MASS;
-                let weight = if there { side.weights[step] } else { 0.0 };
+                let weight = if there { weights[step] } else { 0.0 };
                 mobility[step] = weight / if there { mass } else { 1.0 };
                 total += mobility[step] * weight;
                 held += weight;
@@ -677,12 +685,12 @@ impl<const N: usize> LineNodes<N> {
                     at_wall[k] += weight * self.v[k][step][i];
                 }
             }
-            let approach = 0.0 - at_wall[0] * side.inward;
+            let approach = 0.0 - at_wall[0] * inward;
             let approach = approach - if approach > resting { closing[i] } else { 0.0 };
             let none = separates & (approach <= 0.0) | (total <= 0.0);
             // Impulse per change of the velocity at the wall; each node takes its share.
             let impulse = if none { 0.0 } else { 1.0 } / if none { 1.0 } else { total };
-            let mut change = [approach * side.inward; N];
+            let mut change = [approach * inward; N];
             if N > 1 {
                 let slip_squared: f32 = at_wall[1..].iter().map(|slip| slip * slip).sum();
                 // Coulomb friction takes at most this part of the slip.
