@@ -21,6 +21,7 @@ from hybridmpm import (
     BoxObstacle,
     CoarseWarning,
     ConfigError,
+    Liquid,
     Motion,
     MpmSolver,
     Scene,
@@ -90,10 +91,12 @@ def test_a_page_goes_on_in_mid_splash_among_moving_obstacles(show: Show) -> None
         upper=(0.5, 0.4),
         motion=Motion(velocity=(0.4, 0.0), angular_velocity=2.0, center=(0.475, 0.25), period=1.3, phase=0.2),
     )
+    paste = Liquid(viscosity=4.0, yield_stress=20.0, flow_index=0.6)
     bodies = (
         Box(material="water", lower=(0.3, 0.1), upper=(0.43, 0.25)),
         Box(material="elastic", lower=(0.55, 0.3), upper=(0.65, 0.4), velocity=(0.0, -2.0)),
         Box(material="sand", lower=(0.58, 0.1), upper=(0.7, 0.2)),
+        Box(material=paste, lower=(0.74, 0.1), upper=(0.85, 0.35)),
     )
     solver = MpmSolver(Scene(dim=2, bodies=bodies, obstacles=(paddle,)))
     solver.advance(50)
