@@ -21,7 +21,8 @@ FILMS = {".gif", ".mp4", ".webm"}
 MOST = {
     "docs": 6_000_000,
     "docs films": 4_000_000,
-    "docs/results rows": 1_000_000,
+    # 25 kB are rows of shapes and of several goals in turn.
+    "docs/results rows": 1_030_000,
     "docs/results charts": 1_500_000,
 }
 """Most bytes of the committed documents."""
