@@ -16,14 +16,20 @@ _PROFILE, _SPREAD = 0.03, 0.1  # accepted relative errors [-]
 _WIDTH, _RESOLUTION, _G = 0.2, 128, 9.81
 _SPEED, _VISCOSITY = 0.2, 100.0  # of one plate against the other [m/s]; of what is between them [Pa s]
 _SIDE = 0.2  # of the square that becomes a puddle [m]
-_FRONT = 1.411
+_FRONT, _ROUND = 1.411, 0.894  # Huppert's constants of planar and of round puddles
+_BLOCK, _CELLS, _SECONDS = (
+    (0.24, 0.2, 0.24),
+    48,
+    1.6,
+)  # of the round puddle [m], its grid [cells/m] and time [s]
 _MUD = Liquid(viscosity=10, yield_stress=50)
 
 
 def run(resolutions: tuple[int, ...] = (64, 128), seconds: float = 6.0) -> Result:
     """Run all four flows; the puddle and the slump at each resolution [cells/m], for so long."""
     parts = (_channel(), _plates(), _puddle(resolutions, seconds), _slump(resolutions, seconds))
-    return Result([check for checks, _ in parts for check in checks], [panel for _, panel in parts])
+    checks = [check for checks, _ in parts for check in checks]
+    return Result([*checks, _round_puddle()], [panel for _, panel in parts])
 
 
 def _channel() -> tuple[list[Check], Panel]:
@@ -119,6 +125,25 @@ def _puddle(resolutions: tuple[int, ...], seconds: float) -> tuple[list[Check], 
     scales = {"xscale": "log", "yscale": "log", "xticks": (0.1, 1), "xticklabels": ("0.1", "1")}
     ticks = {"yticks": (0.2, 0.3, 0.4, 0.5), "yticklabels": ("0.2", "0.3", "0.4", "0.5")}
     return checks, Panel("Puddle", "time [s]", "front [m]", curves, scales | ticks)
+
+
+def _round_puddle() -> Check:
+    """Let a quarter of a block spread in 3D, between smooth walls that stand for the others."""
+    smooth = Wall(friction=0.0)
+    faces = WallFaces(x_lower=smooth, z_lower=smooth)
+    walls = Walls(lower=(0.0, 0.1, 0.0), upper=(0.9, 0.9, 0.9), faces=faces)
+    wide, high, deep = _BLOCK
+    quarter = Box(
+        material=Liquid(viscosity=_VISCOSITY), lower=(0.0, 0.1, 0.0), upper=(wide / 2, 0.1 + high, deep / 2)
+    )
+    solver = MpmSolver(Scene(dim=3, resolution=_CELLS, walls=walls, bodies=[quarter]))
+    solver.advance(round(_SECONDS / solver.scene.frame_dt))
+    x, _, z = solver.positions.astype(np.float64).T
+    sectors = (np.arctan2(z, x) / (np.pi / 16)).astype(int)
+    radius = np.mean([np.sort(np.hypot(x, z)[sectors == k])[-3:].mean() for k in range(8)])
+    scale = (_G * (wide * high * deep) ** 3 / (3 * _VISCOSITY / 1000.0)) ** 0.125
+    error = float(radius / (_ROUND * scale * _SECONDS**0.125) - 1)
+    return Check.at_most(f"round puddle, {_CELLS}³: radius, relative error", error, _SPREAD)
 
 
 def _slump(resolutions: tuple[int, ...], seconds: float) -> tuple[list[Check], Panel]:
