@@ -207,6 +207,7 @@ def test_material_follows_a_sketch_with_the_bits_of_the_library(show: Show, case
         assert advanced(page, frames) == solver.digest()
 
 
+@pytest.mark.long
 def test_a_page_takes_up_a_shape_whose_places_were_matched_anew(show: Show) -> None:
     solver = MpmSolver(scenarios.water_2d(3))
     guidance = prepare(solver, HOOK, "analytic", frames=30, hold=25)
@@ -216,7 +217,7 @@ def test_a_page_takes_up_a_shape_whose_places_were_matched_anew(show: Show) -> N
     assert advanced(page, 30) == solver.digest()
 
 
-@pytest.mark.parametrize("begun", [0, 45])
+@pytest.mark.parametrize("begun", [0, pytest.param(45, marks=pytest.mark.long)])
 def test_several_goals_are_followed_in_turn_with_the_bits_of_the_library(show: Show, begun: int) -> None:
     oval = Ellipse(center=(0.5, 0.6), axes=(0.15, 0.12), angle=0.0)
     arrow = Arrow(points=np.array([[0.5, 0.5], [0.45, 0.6]]))
@@ -253,7 +254,7 @@ def by_hand(page: Page, tool: str, points: list[tuple[float, float]]) -> dict[st
 
 
 @pytest.mark.parametrize("tool", ["shape", "arrow"])
-@pytest.mark.parametrize("name", ["water_2d", "tank"])
+@pytest.mark.parametrize("name", ["water_2d", pytest.param("tank", marks=pytest.mark.long)])
 def test_a_visitor_draws_and_the_fluid_follows_as_in_the_library(show: Show, name: str, tool: str) -> None:
     solver = MpmSolver(TANK if name == "tank" else scenarios.get(name, 3))
     solver.advance(30)
