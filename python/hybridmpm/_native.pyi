@@ -299,6 +299,22 @@ class Obstacle:
     ) -> Obstacle:
         """Solid on the side that `normal` points away from; `point` lies on the surface."""
 
+    @staticmethod
+    def polygon(
+        vertices: npt.NDArray[np.float32], *, contact: str = "separating", friction: float | None = None
+    ) -> Obstacle:
+        """Build what a closed polygon (N, 2) encloses by the even-odd rule, 2D only."""
+
+    @staticmethod
+    def mesh(
+        vertices: npt.NDArray[np.float32],
+        triangles: npt.NDArray[np.uint32],
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle:
+        """Build what closed triangles (T, 3) of vertices (V, 3) enclose, 3D only."""
+
     def moving(
         self,
         *,

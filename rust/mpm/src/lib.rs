@@ -25,7 +25,7 @@ mod upsampling;
 mod version;
 mod volume;
 
-pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
+pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Surface, Swing, Walls};
 pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;

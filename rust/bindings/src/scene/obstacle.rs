@@ -1,6 +1,6 @@
 //! `Obstacle`. Its dimension is that of the vectors it was built from.
 
-use mpm::{Motion, Obstacle, Shape, Swing, Vector};
+use mpm::{Motion, Obstacle, Shape, Surface, Swing, Vector};
 use numpy::{
     IntoPyArray, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::convert::{array, contact, slice_of, vector};
 use crate::error::{NativeError, config_error};
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub enum AnyObstacle {
     Plane(Obstacle<2>),
     Space(Obstacle<3>),
@@ -135,6 +135,43 @@ impl PyObstacle {
         })
     }
 
+    #[staticmethod]
+    #[pyo3(signature = (vertices, *, contact="separating", friction=None))]
+    fn polygon(
+        vertices: &Bound<'_, PyAny>,
+        contact: &str,
+        friction: Option<f32>,
+    ) -> PyResult<Self> {
+        let corners = points::<2>("vertices", vertices)?;
+        let outline = Surface::outline(&corners).map_err(NativeError)?;
+        let surface = self::contact(contact, friction)?;
+        let solid = Obstacle::new(Shape::Surface(outline), surface).map_err(NativeError)?;
+        let inner = AnyObstacle::Plane(solid);
+        Ok(Self { inner })
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (vertices, triangles, *, contact="separating", friction=None))]
+    fn mesh(
+        vertices: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        contact: &str,
+        friction: Option<f32>,
+    ) -> PyResult<Self> {
+        let vertices = points::<3>("vertices", vertices)?;
+        let triangles = array::<u32, Ix2>("triangles", "uint32 of shape (T, 3)", triangles)?;
+        if triangles.shape()[1] != 3 {
+            return Err(config_error("triangles must be of shape (T, 3)"));
+        }
+        let corners = slice_of(&triangles).chunks_exact(3);
+        let triangles = corners.map(|corner| [corner[0], corner[1], corner[2]]);
+        let mesh = Surface::mesh(vertices, triangles.collect()).map_err(NativeError)?;
+        let surface = self::contact(contact, friction)?;
+        let solid = Obstacle::new(Shape::Surface(mesh), surface).map_err(NativeError)?;
+        let inner = AnyObstacle::Space(solid);
+        Ok(Self { inner })
+    }
+
     #[pyo3(signature = (*, velocity=None, angular_velocity=None, center=None, period=None, phase=0.0))]
     fn moving(
         &self,
@@ -154,7 +191,7 @@ impl PyObstacle {
         let center = center.unwrap_or_else(still);
         let turning = angular_velocity.unwrap_or_default();
         let swing = period.map(|period| Swing { period, phase });
-        let inner = match self.inner {
+        let inner = match self.inner.clone() {
             AnyObstacle::Plane(o) => {
                 AnyObstacle::Plane(o.moving(motion(&velocity, &turning, &center, swing)?))
             }
@@ -214,6 +251,19 @@ impl PyObstacle {
         }
         Ok(x)
     }
+}
+
+fn points<const D: usize>(name: &str, x: &Bound<'_, PyAny>) -> PyResult<Vec<Vector<D>>> {
+    let expected = format!("float32 of shape (N, {D})");
+    let x = array::<f32, Ix2>(name, &expected, x)?;
+    if x.shape()[1] != D {
+        let got = x.shape();
+        return Err(config_error(format!(
+            "{name} must be {expected}, got {got:?}"
+        )));
+    }
+    let points = slice_of(&x).chunks_exact(D);
+    Ok(points.map(Vector::from_column_slice).collect())
 }
 
 fn motion<const D: usize>(

@@ -162,8 +162,8 @@ impl Arguments<'_> {
         /// The settings in the dimension of one variant of the enumerations.
         macro_rules! build {
             ($variant:ident) => {{
-                let solid = |o: &PyObstacle| match o.inner {
-                    AnyObstacle::$variant(o) => Some(o),
+                let solid = |o: &PyObstacle| match &o.inner {
+                    AnyObstacle::$variant(o) => Some(o.clone()),
                     _ => None,
                 };
                 let opening = |e: &PyEmitter| match &e.inner {
@@ -190,7 +190,7 @@ impl Arguments<'_> {
                     obstacles,
                     openings: Openings {
                         emitters,
-                        sinks: sinks.iter().map(|sink| sink.shape).collect(),
+                        sinks: sinks.into_iter().map(|sink| sink.shape).collect(),
                         max_particles: self.max_particles,
                     },
                     substeps: self.substeps,

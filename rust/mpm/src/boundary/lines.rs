@@ -6,7 +6,7 @@
 
 use super::contact::ContactKind;
 use super::motion::Pose;
-use super::node::MaterialFriction;
+use super::node::{DEEP_CELLS, MaterialFriction};
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
 use super::wall_contact::{Touch, touching};
@@ -66,7 +66,10 @@ impl<'a, const D: usize> Solids<'a, D> {
         self.list[index].distance_in(self.pose(index), x)
     }
 
-    /// Finds the line along an axis from a node outside of an obstacle, whose distance and normal are given, up or down.
+    /// Finds the line along an axis from a node near an obstacle, whose distance and normal are given, up or down.
+    ///
+    /// It begins outside, or below one face of a concave corner: there another face goes on as a plane, as each of two solids does
+    /// where one stands on the other.
     pub fn line(
         &self,
         index: usize,
@@ -77,19 +80,40 @@ impl<'a, const D: usize> Solids<'a, D> {
     ) -> Option<Line<D>> {
         let dx = self.layout.dx();
         let (node, memory) = node;
-        let start = self.layout.position(node);
+        let is_convex = self.list[index].shape.is_convex();
+        let (mut start, mut left, mut normal) = (self.layout.position(node), distance / dx, normal);
+        let lift = if left > 0.0 {
+            Vector::zeros()
+        } else {
+            if is_convex || left <= -DEEP_CELLS || steepest(&normal) == Some(axis) {
+                return None;
+            }
+            normal * (BESIDE * dx - distance)
+        };
+        if left <= 0.0 {
+            start += lift;
+            let (distance, at) = self.distance(index, &start);
+            if distance <= 0.0 {
+                return None;
+            }
+            (left, normal) = (distance / dx, at);
+        }
         let place = |t: f32| {
             let mut place = start;
             place[axis] += inward * t * dx;
             place
         };
-        // Solids are convex: no step passes the surface.
-        let (mut t, mut left, mut normal) = (0.0, distance / dx, normal);
+        // A step to the plane at the nearest point passes no surface of a convex solid; one as long as the distance passes none.
+        let mut t = 0.0;
         for _ in 0..MOST_STEPS {
             if left <= ON_SURFACE {
                 break;
             }
-            let approach = -normal[axis] * inward;
+            let approach = if is_convex {
+                -normal[axis] * inward
+            } else {
+                1.0
+            };
             t += left / approach;
             if !(approach > 0.0 && t <= LINE_CELLS) {
                 return None;
@@ -106,19 +130,20 @@ impl<'a, const D: usize> Solids<'a, D> {
             return None;
         }
         let t = t.min(1.0);
-        let steepest = (0..D).max_by(|a, b| {
-            let size = |axis: usize| normal[axis].abs() * (1.0 + 1.0e-3 * axis as f32);
-            size(*a).total_cmp(&size(*b))
-        });
-        if left > ON_SURFACE || steepest != Some(axis) {
+        if left > ON_SURFACE || steepest(&normal) != Some(axis) {
             return None;
         }
         let (depth, deep) = self.distance(index, &place(t + INSET));
         let beside = (0..D).any(|other| other != axis && deep[other].abs() > deep[axis].abs());
-        let x = place(t);
         if depth < 0.0 && beside
             || self.is_hidden(index, &normal, &place(t - BESIDE), &place(t + BESIDE))
         {
+            return None;
+        }
+        // From the point above the node back to the node, along the plane.
+        let t = t + lift.dot(&normal) / (normal[axis] * inward * dx);
+        let x = place(t) - lift;
+        if !(0.0..=LINE_CELLS).contains(&t) {
             return None;
         }
         let xi = node[axis] as f32 + inward * t;
@@ -174,6 +199,14 @@ impl<'a, const D: usize> Solids<'a, D> {
                 distance < 0.0 && (distance < -2.0 * dx || faces() || !rises())
             })
     }
+}
+
+/// The axis nearest to a normal; of two that are as near, the later one.
+fn steepest<const D: usize>(normal: &Vector<D>) -> Option<usize> {
+    (0..D).max_by(|a, b| {
+        let size = |axis: usize| normal[axis].abs() * (1.0 + 1.0e-3 * axis as f32);
+        size(*a).total_cmp(&size(*b))
+    })
 }
 
 impl<const D: usize> Line<D> {

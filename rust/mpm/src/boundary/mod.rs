@@ -2,14 +2,17 @@
 
 mod bounds;
 mod contact;
+mod lattice;
 mod lines;
 mod motion;
 mod moving;
 mod node;
 mod obstacle;
 mod obstacles;
+mod outline;
 mod reactions;
 mod shape;
+mod surface;
 mod wall_contact;
 mod wall_fill;
 
@@ -21,5 +24,6 @@ pub use obstacle::{Obstacle, Placed};
 pub use obstacles::Obstacles;
 pub use reactions::Reactions;
 pub use shape::Shape;
+pub use surface::Surface;
 pub use wall_contact::{Lines, WallContact};
 pub use wall_fill::WallFill;

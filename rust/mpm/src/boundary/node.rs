@@ -27,7 +27,7 @@ impl MaterialFriction {
 pub(super) const BAND_CELLS: f32 = 4.0;
 
 /// An obstacle acts on nodes that lie this deep inside besides its surface: they belong to no line across it [cells].
-const DEEP_CELLS: f32 = 1.5;
+pub(super) const DEEP_CELLS: f32 = 1.5;
 
 /// Whether an obstacle acts on a node at this distance, and not only at its surface.
 pub(super) fn acts_at<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {

@@ -13,7 +13,7 @@ const ON_WALL: f32 = 1.0e-6;
 const FAR: f32 = 2.0;
 
 /// A solid: its shape, contact and motion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Obstacle<const D: usize> {
     /// The solid at time 0.
     pub shape: Shape<D>,
@@ -52,27 +52,32 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// Returns the solid extended through the walls that it ends on: a box at rest whose face lies on a wall has no face
-    /// there. Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
-    /// `length` is that of the world [m].
-    pub(super) fn through(self, walls: &Walls<D>, length: f32) -> Self {
+    /// Returns the solid as it acts in a world of this length [m] with cells `dx` [m].
+    ///
+    /// One at rest is extended through the walls that it ends on: a box whose face lies on a wall has no face there, nor has a polygon.
+    /// Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
+    pub(super) fn prepared(self, walls: &Walls<D>, length: f32, dx: f32) -> Self {
         let (on_wall, far) = (ON_WALL * length, FAR * length);
-        match (self.shape, self.motion) {
-            (Shape::Box { lower, upper }, None) => Self {
-                shape: Shape::Box {
-                    lower: Vector::from_fn(|axis, _| {
-                        let reaches = lower[axis] <= walls.lower[axis] + on_wall;
-                        lower[axis] - if reaches { far } else { 0.0 }
-                    }),
-                    upper: Vector::from_fn(|axis, _| {
-                        let reaches = upper[axis] >= walls.upper[axis] - on_wall;
-                        upper[axis] + if reaches { far } else { 0.0 }
-                    }),
-                },
-                ..self
+        let shape = match (&self.shape, self.motion) {
+            (Shape::Box { lower, upper }, None) => Shape::Box {
+                lower: Vector::from_fn(|axis, _| {
+                    let reaches = lower[axis] <= walls.lower[axis] + on_wall;
+                    lower[axis] - if reaches { far } else { 0.0 }
+                }),
+                upper: Vector::from_fn(|axis, _| {
+                    let reaches = upper[axis] >= walls.upper[axis] - on_wall;
+                    upper[axis] + if reaches { far } else { 0.0 }
+                }),
             },
-            _ => self,
-        }
+            (Shape::Surface(surface), None) => {
+                let within = [walls.lower, walls.upper];
+                let beyond = surface.through([&walls.lower, &walls.upper], on_wall, far);
+                Shape::Surface(beyond.prepared(dx, Some(within)))
+            }
+            (Shape::Surface(surface), Some(_)) => Shape::Surface(surface.prepared(dx, None)),
+            (shape, _) => shape.clone(),
+        };
+        Self { shape, ..self }
     }
 
     /// The solid as it is at a time [s].

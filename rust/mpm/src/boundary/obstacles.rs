@@ -5,7 +5,8 @@ use super::lines::{LINE_CELLS, Line, LineWindow, Solids};
 use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
 use super::node::{
-    ByRow, MaterialFriction, Nearness, acts_at, change_velocity, may_act_at, reach_until_sort,
+    ByRow, DEEP_CELLS, MaterialFriction, Nearness, acts_at, change_velocity, may_act_at,
+    reach_until_sort,
 };
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
@@ -49,7 +50,7 @@ impl<const D: usize> Obstacles<D> {
         let list = list.into_iter();
         let mut prepared = Self {
             list: list
-                .map(|obstacle| obstacle.through(walls, layout.upper().max()))
+                .map(|obstacle| obstacle.prepared(walls, layout.upper().max(), layout.dx()))
                 .collect(),
             walls: *walls,
             layout: *layout,
@@ -126,7 +127,7 @@ impl<const D: usize> Obstacles<D> {
                                 normal,
                             },
                         ));
-                    } else if distance > 0.0 {
+                    } else if distance > lowest_start(obstacle, layout.dx()) {
                         let memory = row * layout.row_length + column;
                         for axis in 0..D {
                             let outside = (node, memory);
@@ -272,7 +273,9 @@ impl<const D: usize> Obstacles<D> {
             for reachable in moving.nodes.row(span.row) {
                 let column = reachable.column as usize;
                 let (distance, moved) = (reachable.distance, moving.moved);
-                if distance + moved <= 0.0 || distance - moved > LINE_CELLS * self.layout.dx() {
+                let (dx, index) = (self.layout.dx(), reachable.obstacle as usize);
+                let lowest = lowest_start(&self.list[index], dx);
+                if distance + moved <= lowest || distance - moved > LINE_CELLS * dx {
                     continue;
                 }
                 if !(span.lo..span.hi).contains(&column) {
@@ -284,10 +287,9 @@ impl<const D: usize> Obstacles<D> {
                     continue;
                 }
                 place[D - 1] = column;
-                let index = reachable.obstacle as usize;
                 let x = self.layout.position(place);
                 let at = self.list[index].distance_in(solids.pose(index), &x);
-                if at.0 > 0.0 && at.0 <= LINE_CELLS * self.layout.dx() {
+                if at.0 > lowest && at.0 <= LINE_CELLS * dx {
                     for axis in axes.clone() {
                         let line = |up: f32| solids.line(index, (place, memory), at, axis, up);
                         found[axis].extend([1.0, -1.0].into_iter().filter_map(line));
@@ -476,6 +478,15 @@ impl<const D: usize> Obstacles<D> {
             (Some(moving), Some(_)) => distance.max(-moving.longest_push(v.norm(), moving.dt)),
             _ => distance,
         }
+    }
+}
+
+/// Lowest distance of a node at which a line may begin [m].
+fn lowest_start<const D: usize>(obstacle: &Obstacle<D>, dx: f32) -> f32 {
+    if obstacle.shape.is_convex() {
+        0.0
+    } else {
+        -DEEP_CELLS * dx
     }
 }
 

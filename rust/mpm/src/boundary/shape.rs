@@ -1,11 +1,12 @@
 //! Geometry of solids as signed distances.
 
+use super::surface::Surface;
 use crate::error::MpmError;
 use crate::linalg::Vector;
 use serde::{Deserialize, Serialize};
 
 /// Geometry of a solid [m].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Shape<const D: usize> {
     Ball {
         center: Vector<D>,
@@ -32,6 +33,8 @@ pub enum Shape<const D: usize> {
         point: Vector<D>,
         normal: Vector<D>,
     },
+    /// What a polygon or a mesh encloses.
+    Surface(Surface<D>),
 }
 
 impl<const D: usize> Shape<D> {
@@ -72,6 +75,8 @@ impl<const D: usize> Shape<D> {
                 "half_space",
                 "a finite point with a unit normal",
             ),
+            // Checked when it was made.
+            Self::Surface(_) => return Ok(()),
         };
         if sound {
             return Ok(());
@@ -100,6 +105,7 @@ impl<const D: usize> Shape<D> {
                 (start - center).norm().max((end - center).norm()) + radius
             }
             Self::HalfSpace { .. } => f32::INFINITY,
+            Self::Surface(surface) => surface.reach(center),
         }
     }
 
@@ -115,11 +121,17 @@ impl<const D: usize> Shape<D> {
             } => (start, end, 0.5 * thickness),
             Self::Cylinder { start, end, radius } => (start, end, *radius),
             Self::HalfSpace { point, .. } => (point, point, f32::INFINITY),
+            Self::Surface(surface) => return surface.bounds(),
         };
         [
             Vector::from_fn(|axis, _| one[axis].min(other[axis]) - beyond),
             Vector::from_fn(|axis, _| one[axis].max(other[axis]) + beyond),
         ]
+    }
+
+    /// Whether the plane at the nearest point of the surface leaves all of the solid on one side.
+    pub fn is_convex(&self) -> bool {
+        !matches!(self, Self::Surface(_))
     }
 
     /// Signed distance, negative inside, and the unit normal of the nearest surface point.
@@ -137,6 +149,7 @@ impl<const D: usize> Shape<D> {
             }
             Self::Cylinder { start, end, radius } => distance_to_cylinder(x, start, end, *radius),
             Self::HalfSpace { point, normal } => ((x - point).dot(normal), *normal),
+            Self::Surface(surface) => surface.distance(x),
             Self::Box { lower, upper } => {
                 let nearest = Vector::from_fn(|axis, _| x[axis].clamp(lower[axis], upper[axis]));
                 let outside = x - nearest;

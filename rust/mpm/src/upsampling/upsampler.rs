@@ -113,7 +113,7 @@ impl<const D: usize> Upsampler<D> {
             .collect();
         let walls = &settings.walls;
         let resting = settings.obstacles.iter().filter(|o| o.motion.is_none());
-        let resting = Obstacles::new(resting.copied().collect(), walls, &layout);
+        let resting = Obstacles::new(resting.cloned().collect(), walls, &layout);
         let team = Arc::new(Team::new(settings.threads)?);
         Ok(Self {
             settings: settings.clone(),

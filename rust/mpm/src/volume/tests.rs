@@ -371,7 +371,7 @@ fn an_obstacle_takes_room() {
         let numbers = particles.iter().filter(|p| lowest(p));
         numbers.map(|p| all[p.id as usize]).collect()
     };
-    let in_order = ratios(1.0, vec![ground]);
+    let in_order = ratios(1.0, vec![ground.clone()]);
     assert!(
         in_order.len() > 10 && in_order.iter().all(|ratio| (ratio - 1.0).abs() < 4.0e-3),
         "{in_order:?}"

@@ -182,10 +182,10 @@ fn nothing_passes_walls_or_obstacles() {
     ];
     for (shape, material) in shapes
         .iter()
-        .flat_map(|shape| [water(), sand(), elastic()].map(|m| (*shape, m)))
+        .flat_map(|shape| [water(), sand(), elastic()].map(|m| (shape.clone(), m)))
     {
         let mut settings = settings::<2>(64, vec![material]);
-        settings.obstacles = vec![Obstacle::new(shape, contact).unwrap()];
+        settings.obstacles = vec![Obstacle::new(shape.clone(), contact).unwrap()];
         let bodies = Bodies::default().block(64, [0.4, 0.5], [0.6, 0.7], [0.0, -3.0], 0);
         let mut solver = bodies.solver(settings);
         run(&mut solver, 200);

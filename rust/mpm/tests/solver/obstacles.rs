@@ -4,8 +4,8 @@ use crate::common::{
     BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, settings, velocities, water,
 };
 use mpm::{
-    Contact, ContactKind, Force, Material, Motion, Obstacle, Shape, Solver, SolverSettings, Vector,
-    Walls,
+    Contact, ContactKind, Force, Material, Motion, Obstacle, Shape, Solver, SolverSettings,
+    Surface, Vector, Walls,
 };
 
 fn obstacle<const D: usize>(shape: Shape<D>, friction: f32) -> Obstacle<D> {
@@ -14,6 +14,31 @@ fn obstacle<const D: usize>(shape: Shape<D>, friction: f32) -> Obstacle<D> {
         friction: Some(friction),
     };
     Obstacle::new(shape, contact).unwrap()
+}
+
+/// A box as a polygon or a mesh.
+fn box_of_facets<const D: usize>(lower: &Vector<D>, upper: &Vector<D>) -> Shape<D> {
+    let corner = |code: usize| {
+        let high = |axis: usize| code >> axis & 1 == 1;
+        Vector::from_fn(|axis, _| if high(axis) { upper[axis] } else { lower[axis] })
+    };
+    let surface = if D == 2 {
+        Surface::outline(&[0, 1, 3, 2].map(corner))
+    } else {
+        let faces = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let triangles = faces
+            .iter()
+            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+        Surface::mesh((0..8).map(corner).collect(), triangles.collect())
+    };
+    Shape::Surface(surface.unwrap())
 }
 
 fn bits<const D: usize>(solver: &Solver<D>) -> Vec<u32> {
@@ -47,13 +72,23 @@ fn a_hydrostatic_tank_stays_at_rest_on_obstacles() {
                 0.0,
             ),
         ];
-        let fastest = |between_walls: bool| {
+        // The same as one polygon, with a concave corner, that ends on two walls.
+        let corners = [
+            [0.3, 0.1],
+            [0.9, 0.1],
+            [0.9, floor],
+            [side, floor],
+            [side, 0.6],
+            [0.3, 0.6],
+        ];
+        let step = Surface::outline(&corners.map(Vector::<2>::from)).unwrap();
+        let step = vec![obstacle(Shape::Surface(step), 0.0)];
+        let fastest = |solids: &[Obstacle<2>]| {
             let mut settings = settings::<2>(64, vec![water()]);
-            if between_walls {
+            if solids.is_empty() {
                 settings.walls.lower = Vector::<2>::new(side, floor);
-            } else {
-                settings.obstacles.clone_from(&floor_and_box);
             }
+            settings.obstacles = solids.to_vec();
             let mut solver = bodies.solver(settings);
             let before = solver.diagnostics().centroid;
             let mut fastest = 0.0f64;
@@ -69,11 +104,14 @@ fn a_hydrostatic_tank_stays_at_rest_on_obstacles() {
             }
             fastest
         };
-        let (walls, obstacles) = (fastest(true), fastest(false));
-        assert!(
-            obstacles < 1.1 * walls + 0.005,
-            "{obstacles} m/s for {walls} m/s between walls at {place}"
-        );
+        let walls = fastest(&[]);
+        for solids in [floor_and_box, step] {
+            let obstacles = fastest(&solids);
+            assert!(
+                obstacles < 1.1 * walls + 0.005,
+                "{obstacles} m/s for {walls} m/s between walls at {place}"
+            );
+        }
     }
 }
 
@@ -83,20 +121,17 @@ fn a_thin_shelf_lets_nothing_through() {
         let top = 0.405;
         let bodies = Bodies::default().block(64, [0.4, 0.5], [0.6, 0.6], [0.0, -speed], 0);
         let mut settings = settings::<2>(64, vec![water()]);
-        settings.obstacles = vec![obstacle(
-            Shape::Box {
-                lower: Vector::<2>::new(0.05, top - thickness / 64.0),
-                upper: Vector::<2>::new(0.95, top),
-            },
-            0.0,
-        )];
-        let mut solver = bodies.solver(settings);
-        run(&mut solver, 60);
-        let below = positions(&solver)
-            .chunks(2)
-            .filter(|x| x[1] < top - 1.0e-4)
-            .count();
-        assert!(below == 0, "{below} below {thickness} cells at {speed} m/s");
+        let lower = Vector::<2>::new(0.05, top - thickness / 64.0);
+        let upper = Vector::<2>::new(0.95, top);
+        for shelf in [Shape::Box { lower, upper }, box_of_facets(&lower, &upper)] {
+            settings.obstacles = vec![obstacle(shelf, 0.0)];
+            let mut solver = bodies.solver(settings.clone());
+            run(&mut solver, 60);
+            let positions = positions(&solver);
+            let through = |x: &&[f32]| x[1] < top - 1.0e-4;
+            let below = positions.chunks(2).filter(through).count();
+            assert!(below == 0, "{below} below {thickness} cells at {speed} m/s");
+        }
     }
 }
 
@@ -162,14 +197,8 @@ fn stirred<const D: usize>(resolution: usize) -> (Bodies, SolverSettings<D>) {
     let center = point(0.3, 0.3, 0.5);
     let turn: &[f32] = if D == 2 { &[4.0] } else { &[0.0, 0.0, 4.0] };
     let motion = Motion::new(Vector::zeros(), turn, center, None).unwrap();
-    let paddle = Shape::Box {
-        lower: point(0.2, 0.28, 0.4),
-        upper: point(0.4, 0.32, 0.6),
-    };
-    let post = Shape::Box {
-        lower: point(0.463, 0.1, 0.0),
-        upper: point(0.481, 0.25, 1.0),
-    };
+    let paddle = box_of_facets(&point(0.2, 0.28, 0.4), &point(0.4, 0.32, 0.6));
+    let post = box_of_facets(&point(0.463, 0.1, 0.0), &point(0.481, 0.25, 1.0));
     let ball = Shape::Ball {
         center: point(0.6, 0.25, 0.5),
         radius: 0.08,
@@ -202,4 +231,35 @@ fn check_threads<const D: usize>(resolution: usize, frames: usize) {
 fn obstacles_give_the_same_bits_on_all_threads() {
     check_threads::<2>(96, 40);
     check_threads::<3>(32, 10);
+}
+
+/// A funnel without an outlet, of one polygon half a cell thick.
+#[test]
+fn a_funnel_of_a_polygon_lets_nothing_through() {
+    let wall = 0.5 * std::f32::consts::SQRT_2 / 64.0;
+    let corners = [
+        [0.2, 0.7],
+        [0.5, 0.4],
+        [0.8, 0.7],
+        [0.8, 0.7 + wall],
+        [0.5, 0.4 + wall],
+        [0.2, 0.7 + wall],
+    ];
+    let funnel = Surface::outline(&corners.map(Vector::<2>::from)).unwrap();
+    let bodies = Bodies::default().block(64, [0.4, 0.6], [0.6, 0.75], [0.0, -20.0], 0);
+    let mut settings = settings::<2>(64, vec![water()]);
+    settings.obstacles = vec![obstacle(Shape::Surface(funnel), 0.0)];
+    let mut solver = bodies.solver(settings);
+    let (mut passed, mut held) = (0, 0);
+    solver
+        .advance(20, Force::None, |_, s| {
+            for x in positions(s).chunks(2) {
+                let beside = (x[0] - 0.5).abs();
+                let lower_face = 0.4 + beside;
+                passed += usize::from(beside < 0.2 && x[1] < lower_face + wall - 1.0e-4);
+                held += usize::from(beside < 0.2 && x[1] < lower_face + wall + 0.1);
+            }
+        })
+        .unwrap();
+    assert!(passed == 0 && held > 5000, "{passed} passed of {held}");
 }
