@@ -315,6 +315,9 @@ class Obstacle:
     ) -> Obstacle:
         """Build what closed triangles (T, 3) of vertices (V, 3) enclose, 3D only."""
 
+    def crossing(self) -> list[float] | None:
+        """Return a point where triangles without a common corner cross [m]; None where none do."""
+
     def moving(
         self,
         *,
@@ -349,8 +352,14 @@ class Obstacle:
             With the parameter's name, its value and the allowed range.
         """
 
-    def signed_distance(self, x: npt.NDArray[np.float32], time: float = 0.0) -> npt.NDArray[np.float32]:
-        """Distance [m] of points (N, D) to the surface at a time [s], negative inside; shape (N,)."""
+    def signed_distance(
+        self, x: npt.NDArray[np.float32], time: float = 0.0, within: float | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Distance [m] of points (N, D) to the surface at a time [s], negative inside; shape (N,).
+
+        With `within` [m], those of polygons and meshes are found faster: they are true to 0.015 of it, and
+        farther ones may be nearer to zero than they are.
+        """
 
     def moved(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
         """Positions (N, D) [m] at a time [s] of points of the solid that are at `x` (N, D) [m] at time 0."""

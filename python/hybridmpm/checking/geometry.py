@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.checking.report import Finding
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Body, Obstacle, Scene
 from hybridmpm.scene.gaps import lost_cells, narrow_gaps, wide_enough
 from hybridmpm.scene.scene import ADVISED_LOSS, MIN_CELLS_THICK
 from hybridmpm.scene.world import rounded_up
@@ -30,6 +30,7 @@ def of_geometry(scene: Scene) -> Iterator[Finding]:
     yield from _rounded_world(scene)
     yield from _thin_obstacles(scene)
     yield from _thin_bodies(scene)
+    yield from _crossing_meshes(scene)
     yield from _narrow_gaps(scene)
     yield from _taken(scene)
 
@@ -63,6 +64,22 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
                 problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its "
                 "particles hardly interact",
                 advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
+            )
+
+
+def _crossing_meshes(scene: Scene) -> Iterator[Finding]:
+    parts: list[tuple[str, Body | Obstacle]]
+    parts = [(f"bodies[{index}]", body) for index, body in enumerate(scene.bodies)]
+    parts += [(f"obstacles[{index}]", obstacle) for index, obstacle in enumerate(scene.obstacles)]
+    for field, part in parts:
+        place = part.crossing if part.shape == "mesh" else None
+        if place is not None:
+            yield Finding(
+                severity="warning",
+                field=field,
+                problem=f"has triangles that cross near ({', '.join(f'{x:.3g}' for x in place)}) m, so that "
+                "inside and outside may be wrong there",
+                advice="unite its parts to one closed surface in a modelling program",
             )
 
 

@@ -82,6 +82,8 @@ def _obstacle_speed(scene: Scene, obstacle: Obstacle) -> float:
         return speed
     places = {"lower", "upper", "center", "start", "end"} & obstacle.vector_fields().keys()
     points = [getattr(obstacle, name) for name in places] or [scene.walls.lower, scene.walls.upper]
+    if obstacle.shape in {"polygon", "mesh"}:
+        points = list(obstacle.bounds)
     reach = float(np.linalg.norm(np.abs(np.subtract(points, motion.center)).max(axis=0)))
     reach += getattr(obstacle, "radius", 0.5 * getattr(obstacle, "thickness", 0.0))
     return speed + float(np.linalg.norm(motion.angular_velocity)) * reach

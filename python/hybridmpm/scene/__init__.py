@@ -9,7 +9,9 @@ from hybridmpm.scene.obstacles import (
     BoxObstacle,
     CylinderObstacle,
     HalfSpaceObstacle,
+    MeshObstacle,
     Obstacle,
+    PolygonObstacle,
     SegmentObstacle,
 )
 from hybridmpm.scene.openings import (
@@ -44,11 +46,13 @@ __all__ = [
     "Liquid",
     "Material",
     "Mesh",
+    "MeshObstacle",
     "Motion",
     "Obstacle",
     "ParticleLimitWarning",
     "Particles",
     "Polygon",
+    "PolygonObstacle",
     "RectangularEmitter",
     "RoundEmitter",
     "Sand",

@@ -1,35 +1,18 @@
 """Bodies: shapes of material that become particles."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from hybridmpm._support.arguments import float64, real
-from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.scene import meshes
-from hybridmpm.scene.fields import LONGEST, Point, Points, Seed, Velocity, raise_faults
+from hybridmpm.scene.facets import MeshShape, PolygonShape, corners_around, mesh_of, points_of
+from hybridmpm.scene.fields import Points, Seed, Velocity
 from hybridmpm.scene.materials import Material
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
-
-_MOST_CORNERS = 1000
-_MOST_TRIANGLES = 200_000
-_LEVELS = 16
-"""Number of heights between two corners of a polygon at which its width is taken."""
-
-
-def _points(x: npt.ArrayLike, dim: int) -> Points:
-    """Return points (N, D) as float64, or raise `ConfigError`."""
-    points = float64("x", x)
-    if points.ndim != 2 or points.shape[1] != dim:
-        raise ConfigError(f"x must have shape (N, {dim}), got {points.shape}")
-    return points
 
 
 class _Body(Shaped):
@@ -49,7 +32,7 @@ class Box(BoxShape, _Body):
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
         lower, upper = self.bounds
-        x = _points(x, len(lower))
+        x = points_of(x, len(lower))
         return np.asarray(((x > lower) & (x < upper)).all(axis=1))
 
 
@@ -64,7 +47,7 @@ class Ball(BallShape, _Body):
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
-        inside: npt.NDArray[np.bool_] = ((_points(x, len(self.center)) - np.array(self.center)) ** 2).sum(
+        inside: npt.NDArray[np.bool_] = ((points_of(x, len(self.center)) - np.array(self.center)) ** 2).sum(
             axis=1
         ) < self.radius**2
         return inside
@@ -88,19 +71,14 @@ class Cylinder(CylinderShape, _Body):
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 3) lie strictly inside; shape (N,)."""
         along = self.direction
-        from_start = _points(x, 3) - np.array(self.start)
+        from_start = points_of(x, 3) - np.array(self.start)
         height = from_start @ along
         beside = ((from_start - height[:, None] * along) ** 2).sum(axis=1)
         return np.asarray((height > 0) & (height < self.length) & (beside < self.radius**2))
 
 
-class Polygon(_Body):
+class Polygon(PolygonShape, _Body):
     """Closed polygon, 2D only. It may be concave; what lies inside follows the even-odd rule."""
-
-    shape: Literal["polygon"] = "polygon"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=_MOST_CORNERS)] = Field(
-        description="Corners of the polygon in order [m]; an edge joins the last to the first."
-    )
 
     @classmethod
     def around(
@@ -133,100 +111,12 @@ class Polygon(_Body):
         SceneError
             A value is out of range.
         """
-        lines = [float64(f"outlines[{number}]", line) for number, line in enumerate(outlines)]
-        if not lines:
-            raise ConfigError("outlines: there must be at least one line")
-        for number, line in enumerate(lines):
-            if line.ndim != 2 or line.shape[1] != 2 or len(line) < 3:
-                shape = line.shape
-                raise ConfigError(f"outlines[{number}] must have shape (K, 2) with K >= 3, got {shape}")
-        # Ways from the first line to the others are edges there and back, which count as none.
-        corners = np.vstack([lines[0], *(np.vstack([lines[0][:1], line, line[:1]]) for line in lines[1:])])
-        if len(corners) > _MOST_CORNERS:
-            text = (
-                f"they have {len(corners)} points with the ways between, at most {_MOST_CORNERS} are allowed"
-            )
-            raise ConfigError(f"outlines: {text}; make them simpler")
-        fields = {"vertices": corners.tolist(), "material": material, "velocity": velocity, "seed": seed}
-        return cls.model_validate(fields)
-
-    @property
-    def bounds(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box [m]."""
-        corners = np.array(self.vertices)
-        return corners.min(axis=0), corners.max(axis=0)
-
-    def _edges(self) -> tuple[Points, Points]:
-        """Return the ends (K, 2) of the edges in order [m], without those that lead there and back."""
-        edges = list(zip(self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True))
-        times = Counter(frozenset(edge) for edge in edges)
-        kept = np.array([edge for edge in edges if times[frozenset(edge)] % 2]).reshape(-1, 2, 2)
-        return kept[:, 0], kept[:, 1]
-
-    @property
-    def measure(self) -> float:
-        """Area [m^2] by the even-odd rule; exact unless the outline crosses itself, then to 0.1 %."""
-        a, b = self._edges()
-        lowest, highest = np.minimum(a[:, 1], b[:, 1]), np.maximum(a[:, 1], b[:, 1])
-        area = 0.0
-        for low, high in pairwise(np.unique(a[:, 1])):
-            # Between two corners' heights the width is linear but for crossings, so its mean is exact.
-            levels = low + (high - low) * (np.arange(_LEVELS) + 0.5) / _LEVELS
-            spans = (lowest <= low) & (highest >= high)
-            (ax, ay), (bx, by) = a[spans].T[..., None], b[spans].T[..., None]
-            across = np.sort(ax + (levels - ay) * (bx - ax) / (by - ay), axis=0)
-            area += (high - low) * float((across[1::2] - across[::2]).sum()) / _LEVELS
-        return area
-
-    @property
-    def smallest_extent(self) -> float:
-        """Shorter side [m] of the rectangle with this area and length of the outline: a thin one may bend."""
-        start, end = self._edges()
-        outline = float(np.linalg.norm(start - end, axis=1).sum())
-        return (outline - math.sqrt(max(0.0, outline**2 - 16 * self.measure))) / 4
-
-    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
-        """Whether points (N, 2) lie inside; shape (N,)."""
-        x = _points(x, 2)
-        order = np.argsort(x[:, 1])
-        across, height = x[order].T
-        odd = np.zeros(len(x), dtype=bool)
-        for (ax, ay), (bx, by) in zip(*self._edges(), strict=True):
-            # Only points first to last have the edge at their height. A horizontal edge is at no height,
-            # since no horizontal ray crosses it.
-            first, last = np.searchsorted(height, sorted((ay, by)))
-            if first < last:
-                beside = slice(first, last)
-                odd[beside] ^= across[beside] < ax + (height[beside] - ay) * (bx - ax) / (by - ay)
-        inside = np.empty_like(odd)
-        inside[order] = odd
-        return inside
+        fields = {"vertices": corners_around(outlines), "material": material}
+        return cls.model_validate(fields | {"velocity": velocity, "seed": seed})
 
 
-class Mesh(_Body):
+class Mesh(MeshShape, _Body):
     """What a closed surface of triangles encloses, 3D only. The surface must not cross itself."""
-
-    shape: Literal["mesh"] = "mesh"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=_MOST_TRIANGLES)] = Field(
-        description="Corners of the triangles, 3 coordinates each [m]."
-    )
-    triangles: Annotated[
-        tuple[Annotated[tuple[int, ...], Field(min_length=3, max_length=3)], ...],
-        Field(min_length=4, max_length=_MOST_TRIANGLES),
-    ] = Field(description="Indices of three vertices each, all of them the same way round.")
-
-    @model_validator(mode="after")
-    def _encloses(self) -> Self:
-        flat = [index for index, vertex in enumerate(self.vertices) if len(vertex) != 3]
-        if flat:
-            raise_faults("Mesh", [(("vertices", flat[0]), "must have 3 numbers; a mesh is for dim 3 only")])
-        highest = len(self.vertices) - 1
-        for number, corners in enumerate(self.triangles):
-            if min(corners) < 0 or max(corners) > highest:
-                text = f"must be indices in [0, {highest}], got {list(corners)}"
-                raise_faults("Mesh", [(("triangles", number), text)])
-        raise_faults("Mesh", meshes.faults(*self._arrays()))
-        return self
 
     @classmethod
     def read(
@@ -264,46 +154,8 @@ class Mesh(_Body):
         SceneError
             The surface is not closed, the message names open edges, or a value is out of range.
         """
-        vertices, triangles = meshes.read(Path(path))
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        if not high[1] > low[1]:
-            raise DataError(f"{path}: the surface has no height, along y")
-        scale = real("height", height, 1e-6, LONGEST) / (high[1] - low[1])
-        placed = (vertices - (low + high) / 2) * scale + float64("center", center)
-        fields = {"vertices": placed.tolist(), "triangles": triangles.tolist(), "material": material}
+        fields = mesh_of(path, center, height) | {"material": material}
         return cls.model_validate(fields | {"velocity": velocity, "seed": seed})
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Return the velocity; vertices have three numbers in any case."""
-        return {} if self.velocity is None else {"velocity": self.velocity}
-
-    def _arrays(self) -> tuple[Points, meshes.Triangles]:
-        return np.array(self.vertices), np.array(self.triangles)
-
-    @property
-    def bounds(self) -> tuple[Points, Points]:
-        """Lower and upper corner of the bounding box [m]."""
-        corners = np.array(self.vertices)
-        return corners.min(axis=0), corners.max(axis=0)
-
-    @property
-    def measure(self) -> float:
-        """Volume [m^3]."""
-        return abs(meshes.volume(*self._arrays()))
-
-    @property
-    def smallest_extent(self) -> float:
-        """Height [m] of the square plate with this volume and area of the surface: a thin one may bend."""
-        return meshes.thickness(*self._arrays())
-
-    @property
-    def tests_of_a_point(self) -> float:
-        """Mean number of triangles that `contains` tests a point against."""
-        return meshes.tests_of_a_point(*self._arrays())
-
-    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
-        """Whether points (N, 3) lie inside; shape (N,)."""
-        return meshes.contains(*self._arrays(), _points(x, 3))
 
 
 Body = Annotated[Box | Ball | Cylinder | Polygon | Mesh, Field(discriminator="shape")]

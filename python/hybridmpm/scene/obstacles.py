@@ -1,11 +1,17 @@
 """Obstacles: solids that stand still or follow a prescribed motion."""
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from hybridmpm import _core
+from hybridmpm.scene.facets import MeshShape, PolygonShape, corners_around, mesh_of
 from hybridmpm.scene.fields import Direction, Length, Point, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.motion import Motion
@@ -112,7 +118,106 @@ class HalfSpaceObstacle(_Obstacle):
         )
 
 
+class PolygonObstacle(PolygonShape, _Obstacle):
+    """Solid in a closed polygon, 2D only. It may be concave; what is inside follows the even-odd rule."""
+
+    @classmethod
+    def around(
+        cls,
+        outlines: Sequence[npt.ArrayLike],
+        *,
+        contact: Contact = "separating",
+        friction: float | None = None,
+        motion: Motion | None = None,
+    ) -> Self:
+        """Return the solid that several closed lines enclose; a line within another one makes a hole.
+
+        Parameters
+        ----------
+        outlines : sequence of float (K, 2), K >= 3
+            Closed lines [m], as of `Polygon.around`.
+        contact, friction, motion
+            As of any obstacle.
+
+        Raises
+        ------
+        ConfigError
+            There is no line, or one is not of this form.
+        SceneError
+            A value is out of range.
+        """
+        fields = {"vertices": corners_around(outlines), "contact": contact}
+        return cls.model_validate(fields | {"friction": friction, "motion": motion})
+
+    @model_validator(mode="after")
+    def _encloses(self) -> Self:
+        if not self.measure > 0:
+            raise_faults("PolygonObstacle", [(("vertices",), "must enclose an area")])
+        return self
+
+    def _at_rest(self) -> _core.Obstacle:
+        corners = np.array(self.vertices, dtype=np.float32)
+        return _core.Obstacle.polygon(corners, contact=self.contact, friction=self.friction)
+
+
+class MeshObstacle(MeshShape, _Obstacle):
+    """Solid within a closed surface of triangles, 3D only. The surface must not cross itself."""
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        center: Sequence[float],
+        height: float,
+        *,
+        contact: Contact = "separating",
+        friction: float | None = None,
+        motion: Motion | None = None,
+    ) -> Self:
+        """Return the solid within the surface of a file, .stl, .obj, .ply or .glb, as of modelling programs.
+
+        Parameters
+        ----------
+        path, center, height
+            As of `Mesh.read`.
+        contact, friction, motion
+            As of any obstacle.
+
+        Raises
+        ------
+        ConfigError
+            trimesh is not installed (pip install 'hybridmpm[shapes]'), or the ending is another one.
+        DataError
+            The file cannot be read, or has no triangles.
+        SceneError
+            The surface is not closed, the message names open edges, or a value is out of range.
+        """
+        fields = mesh_of(path, center, height) | {"contact": contact}
+        return cls.model_validate(fields | {"friction": friction, "motion": motion})
+
+    def _at_rest(self) -> _core.Obstacle:
+        return _solid(self.vertices, self.triangles, self.contact, self.friction)
+
+
+@lru_cache(maxsize=16)
+def _solid(
+    vertices: tuple[Point, ...],
+    triangles: tuple[tuple[int, ...], ...],
+    contact: Contact,
+    friction: float | None,
+) -> _core.Obstacle:
+    """Build the core's obstacle, which takes a fraction of a second for many triangles."""
+    corners, indices = np.array(vertices, dtype=np.float32), np.array(triangles, dtype=np.uint32)
+    return _core.Obstacle.mesh(corners, indices, contact=contact, friction=friction)
+
+
 Obstacle = Annotated[
-    SegmentObstacle | BoxObstacle | BallObstacle | CylinderObstacle | HalfSpaceObstacle,
+    SegmentObstacle
+    | BoxObstacle
+    | BallObstacle
+    | CylinderObstacle
+    | HalfSpaceObstacle
+    | PolygonObstacle
+    | MeshObstacle,
     Field(discriminator="shape"),
 ]

@@ -158,6 +158,8 @@ class _Lattice:
     """Corners (D,) [m] of the box that contains all particles."""
     solids: list[_core.Obstacle]
     """Obstacles that may reach into the body."""
+    reach: float
+    """Distance from solids up to which it matters how far they are [m]."""
     earlier: list[Body]
     """Bodies that come before it and may reach into it."""
 
@@ -179,6 +181,7 @@ class _Lattice:
             count=count,
             walls=(np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap),
             solids=[solid for solid in solids if solid.signed_distance(middle)[0] <= reach],
+            reach=2 * scene.spacing,
             earlier=[other for other, near in zip(scene.bodies, beside, strict=False) if near],
         )
 
@@ -204,7 +207,7 @@ class _Lattice:
             free &= ~other.contains(exact)
         for solid in self.solids:
             _core.raise_if_cancelled()
-            free &= solid.signed_distance(x) > 0
+            free &= solid.signed_distance(x, within=self.reach) > 0
         return np.asarray(free)
 
     def may_be_cut(self, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
@@ -213,7 +216,8 @@ class _Lattice:
         cut = np.zeros(len(x), dtype=bool)
         for solid in self.solids:
             _core.raise_if_cancelled()
-            cut |= solid.signed_distance(_rounded(x)) < 0.51 * np.linalg.norm(self.step)
+            distance = solid.signed_distance(_rounded(x), within=self.reach)
+            cut |= distance < 0.51 * np.linalg.norm(self.step)
         for other in self.earlier:
             _core.raise_if_cancelled()
             lower, upper = other.bounds

@@ -80,7 +80,11 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ),
         ("obstacles.0.radius", 0, "obstacles[0].radius: must be in (0, 4096] m, got 0"),
         ("obstacles.0.contact", "glue", "obstacles[0].contact: … 'sticky', 'slip' or 'separating'"),
-        ("obstacles.0", {"shape": "blob"}, "obstacles[0]: … 'ball', 'cylinder', 'half_space', got 'blob'"),
+        (
+            "obstacles.0",
+            {"shape": "blob"},
+            "obstacles[0]: … 'ball', 'cylinder', 'half_space', 'polygon', 'mesh', got 'blob'",
+        ),
         (
             "obstacles.0",
             {"shape": "ball", "center": [0.5, 0.5], "radius": 0.1, "contact": "slip", "friction": 0.1},

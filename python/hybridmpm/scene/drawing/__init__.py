@@ -3,13 +3,19 @@
 import math
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from hybridmpm.scene.bodies import Body
+from hybridmpm.scene.facets import MeshShape, PolygonShape
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
+from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape
 from hybridmpm.scene.walls import Walls
 
 _MARGIN = 0.024
 """Distance of the walls from the edge of the drawing [m]."""
+_MOST_TRIANGLES = 4000
+"""Largest number of triangles that a drawing shows one by one."""
 _COLORS = {"water": "#1b7fe0", "sand": "#d1a15a", "elastic": "#3aa05a", "liquid": "#c9822a"}
 _OUTSIDE, _INSIDE, _WALL, _SOLID, _OPENING = "#060912", "#0f1b30", "#4d6185", "#78859c", "#d9e4f5"
 
@@ -39,7 +45,7 @@ def svg(
     room = f"M{left:.4g} {bottom:.4g}H{right:.4g}V{top:.4g}H{left:.4g}Z"
     parts = [
         _rectangle(walls.lower, walls.upper, f'fill="{_INSIDE}"'),
-        *(_body(body) for body in bodies),
+        *(_shape(body, f'fill="{_COLORS[body.material.kind]}"') for body in bodies),
         *(_obstacle(obstacle) for obstacle in obstacles),
         # Obstacles may reach through the walls, where nothing of them matters.
         f'<path d="M-1 -1H{far}V{far}H-1Z{room}" fill="{_OUTSIDE}" fill-rule="evenodd"/>',
@@ -53,34 +59,46 @@ def svg(
     )
 
 
-def _body(body: Body) -> str:
-    style = f'fill="{_COLORS[body.material.kind]}"'
-    if body.shape == "polygon":
-        corners = " ".join(f"{x:.4g},{y:.4g}" for x, y in body.vertices)
-        return f'<polygon points="{corners}" fill-rule="evenodd" {style}/>'
-    if body.shape == "ball":
-        return _circle(body.center, body.radius, style)
-    if body.shape == "cylinder":
-        return _cylinder(body.start, body.end, body.radius, style)
-    lower, upper = body.bounds
-    return _rectangle(tuple(lower.tolist()), tuple(upper.tolist()), style)
+def _shape(shape: BoxShape | BallShape | CylinderShape | PolygonShape | MeshShape, style: str) -> str:
+    match shape:
+        case PolygonShape():
+            return _polygon(shape, style)
+        case BallShape():
+            return _circle(shape.center, shape.radius, style)
+        case CylinderShape():
+            return _cylinder(shape.start, shape.end, shape.radius, style)
+        case MeshShape():
+            return _mesh(shape, style)
+    return _rectangle(shape.lower, shape.upper, style)
 
 
 def _obstacle(obstacle: Obstacle) -> str:
     style = f'fill="{_SOLID}"'
-    match obstacle.shape:
-        case "segment":
-            (ax, ay), (bx, by) = obstacle.start[:2], obstacle.end[:2]
-            ends = f'x1="{ax:.4g}" y1="{ay:.4g}" x2="{bx:.4g}" y2="{by:.4g}"'
-            width = f'stroke-width="{obstacle.thickness:.4g}"'
-            return f'<line {ends} {width} stroke="{_SOLID}" stroke-linecap="round"/>'
-        case "ball":
-            return _circle(obstacle.center, obstacle.radius, style)
-        case "cylinder":
-            return _cylinder(obstacle.start, obstacle.end, obstacle.radius, style)
-        case "box":
-            return _rectangle(obstacle.lower, obstacle.upper, style)
-    return _half_space(obstacle.point, obstacle.normal, style)
+    if obstacle.shape == "segment":
+        (ax, ay), (bx, by) = obstacle.start[:2], obstacle.end[:2]
+        ends = f'x1="{ax:.4g}" y1="{ay:.4g}" x2="{bx:.4g}" y2="{by:.4g}"'
+        width = f'stroke-width="{obstacle.thickness:.4g}"'
+        return f'<line {ends} {width} stroke="{_SOLID}" stroke-linecap="round"/>'
+    if obstacle.shape == "half_space":
+        return _half_space(obstacle.point, obstacle.normal, style)
+    return _shape(obstacle, style)
+
+
+def _polygon(polygon: PolygonShape, style: str) -> str:
+    corners = " ".join(f"{x:.4g},{y:.4g}" for x, y in polygon.vertices)
+    return f'<polygon points="{corners}" fill-rule="evenodd" {style}/>'
+
+
+def _mesh(mesh: MeshShape, style: str) -> str:
+    """Return the triangles that face the viewer, or the box around many."""
+    corners = np.array(mesh.vertices)[np.array(mesh.triangles)]
+    one, other = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
+    facing = corners[one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] > 0, :, :2]
+    if len(facing) > _MOST_TRIANGLES:
+        lower, upper = mesh.bounds
+        return _rectangle(lower.tolist(), upper.tolist(), style)
+    lines = "".join(f"M{'L'.join(f'{x:.4g} {y:.4g}' for x, y in corner)}Z" for corner in facing.tolist())
+    return f'<path d="{lines}" {style}/>'
 
 
 def _cylinder(start: Sequence[float], end: Sequence[float], radius: float, style: str) -> str:

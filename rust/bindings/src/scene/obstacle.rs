@@ -5,6 +5,7 @@ use numpy::{
     IntoPyArray, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 use crate::convert::{array, contact, slice_of, vector};
 use crate::error::{NativeError, config_error};
@@ -19,6 +20,17 @@ pub enum AnyObstacle {
 #[pyclass(frozen, name = "Obstacle", module = "hybridmpm._native")]
 pub struct PyObstacle {
     pub inner: AnyObstacle,
+    /// The same, prepared for distances up to a reach [m].
+    near: Mutex<Option<(f32, AnyObstacle)>>,
+}
+
+impl From<AnyObstacle> for PyObstacle {
+    fn from(inner: AnyObstacle) -> Self {
+        Self {
+            inner,
+            near: Mutex::new(None),
+        }
+    }
 }
 
 /// The shape in the dimension of its first vector, named by `$length`.
@@ -40,14 +52,14 @@ macro_rules! build {
                 )));
             }
         };
-        Ok(Self { inner })
+        Ok(inner.into())
     }};
 }
 
 /// Runs one expression on the obstacle of whichever dimension, as it is at a time.
 macro_rules! with_placed {
     ($obstacle:expr, $time:expr, $placed:ident => $body:expr) => {
-        match &$obstacle.inner {
+        match $obstacle {
             AnyObstacle::Plane(o) => {
                 let $placed = o.at($time);
                 $body
@@ -147,7 +159,7 @@ impl PyObstacle {
         let surface = self::contact(contact, friction)?;
         let solid = Obstacle::new(Shape::Surface(outline), surface).map_err(NativeError)?;
         let inner = AnyObstacle::Plane(solid);
-        Ok(Self { inner })
+        Ok(inner.into())
     }
 
     #[staticmethod]
@@ -169,7 +181,18 @@ impl PyObstacle {
         let surface = self::contact(contact, friction)?;
         let solid = Obstacle::new(Shape::Surface(mesh), surface).map_err(NativeError)?;
         let inner = AnyObstacle::Space(solid);
-        Ok(Self { inner })
+        Ok(inner.into())
+    }
+
+    fn crossing(&self) -> Option<Vec<f32>> {
+        let AnyObstacle::Space(solid) = &self.inner else {
+            return None;
+        };
+        let Shape::Surface(surface) = &solid.shape else {
+            return None;
+        };
+        let place = surface.crossing()?;
+        Some(place.as_slice().to_vec())
     }
 
     #[pyo3(signature = (*, velocity=None, angular_velocity=None, center=None, period=None, phase=0.0))]
@@ -199,19 +222,22 @@ impl PyObstacle {
                 AnyObstacle::Space(o.moving(motion(&velocity, &turning, &center, swing)?))
             }
         };
-        Ok(Self { inner })
+        Ok(inner.into())
     }
 
-    #[pyo3(signature = (x, time=0.0))]
+    #[pyo3(signature = (x, time=0.0, within=None))]
     fn signed_distance<'py>(
         &self,
         py: Python<'py>,
         x: &Bound<'py, PyAny>,
         time: f64,
+        within: Option<f32>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let x = self.points(x)?;
         let points = slice_of(&x).chunks_exact(self.dim());
-        let distances: Vec<f32> = with_placed!(self, time, placed => {
+        let prepared = within.map(|reach| self.prepared(reach));
+        let solid = prepared.as_ref().unwrap_or(&self.inner);
+        let distances: Vec<f32> = with_placed!(solid, time, placed => {
             points.map(|x| placed.distance(&Vector::from_column_slice(x))).collect()
         });
         Ok(distances.into_pyarray(py))
@@ -225,7 +251,7 @@ impl PyObstacle {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let x = self.points(x)?;
         let points = slice_of(&x).chunks_exact(self.dim());
-        let moved: Vec<f32> = with_placed!(self, time, placed => {
+        let moved: Vec<f32> = with_placed!(&self.inner, time, placed => {
             points.map(|x| placed.moved(&Vector::from_column_slice(x))).flat_map(|x| x.data.0[0]).collect()
         });
         moved.into_pyarray(py).reshape([x.shape()[0], self.dim()])
@@ -238,6 +264,21 @@ impl PyObstacle {
             AnyObstacle::Plane(_) => 2,
             AnyObstacle::Space(_) => 3,
         }
+    }
+
+    fn prepared(&self, reach: f32) -> AnyObstacle {
+        let mut near = self.near.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, solid)) = &*near
+            && *known == reach
+        {
+            return solid.clone();
+        }
+        let solid = match &self.inner {
+            AnyObstacle::Plane(solid) => AnyObstacle::Plane(solid.within(reach)),
+            AnyObstacle::Space(solid) => AnyObstacle::Space(solid.within(reach)),
+        };
+        *near = Some((reach, solid.clone()));
+        solid
     }
 
     fn points<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, f32>> {

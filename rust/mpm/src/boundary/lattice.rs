@@ -3,14 +3,14 @@
 use crate::linalg::Vector;
 use threads::interrupted;
 
-/// Distances up to this far are found exactly [spacings]; beyond, bounds on them do.
-const BAND: f32 = 7.0;
-/// Cells whose middle is up to this far from the surface are tested for edges [spacings].
-const TESTED: f32 = 2.5;
-/// Where distances between corners are interpolated they are wrong by at most this [spacings].
-const ALLOWED: f32 = 0.01;
+/// Corners for each cell of the grid of a scene along an axis.
+const FINER: f32 = 2.0;
+/// Distance from the surface within which it is looked for edges [cells].
+const TESTED: f32 = 1.2;
+/// Where distances between corners are interpolated they are wrong by at most this [cells].
+const ALLOWED: f32 = 0.015;
 /// Smallest cosine of the angle between an interpolated normal and the true one.
-const ALIKE: f32 = 0.998;
+const ALIKE: f32 = 0.995;
 /// Largest number of corners; the spacing grows with surfaces that would need more.
 const MOST_CORNERS: f32 = 4.0e6;
 
@@ -29,16 +29,20 @@ pub struct Lattice<const D: usize> {
 }
 
 impl<const D: usize> Lattice<D> {
-    /// `exact` returns distance and normal of a point, given a bound on the distance; `bounds` are those of the surface [m], and no
-    /// point outside of `between` matters. Incomplete where the work is `interrupted`.
+    /// `exact` returns distance and normal of a point, given a bound on the distance; `bounds` are those of the surface and `dx` the
+    /// cells of the scene [m]. Distances are found up to `bands` inside and outside [cells]; beyond, bounds on them do. Points
+    /// outside of `between` do not matter. Incomplete where the work is `interrupted`.
     pub fn new(
         bounds: [Vector<D>; 2],
         between: Option<[Vector<D>; 2]>,
-        spacing: f32,
+        dx: f32,
+        bands: [f32; 2],
         exact: impl Fn(&Vector<D>, f32) -> (f32, Vector<D>),
     ) -> Self {
+        let bands = bands.map(|cells| cells * dx);
+        let spacing = dx / FINER;
         let around = |spacing: f32| {
-            let margin = (BAND + 1.0) * spacing;
+            let margin = bands[1] + spacing;
             let (mut lower, mut upper) =
                 (bounds[0].add_scalar(-margin), bounds[1].add_scalar(margin));
             if let Some([lowest, highest]) = between {
@@ -61,15 +65,18 @@ impl<const D: usize> Lattice<D> {
             rough: vec![false; total],
             bounds,
         };
-        lattice.find_distances(&exact);
-        lattice.find_edges(&exact);
+        lattice.find_distances(bands, &exact);
+        lattice.find_edges(dx, &exact);
         lattice
     }
 
     /// Walks along rows. A distance changes by at most a spacing from one corner to the next, so most need no search.
-    fn find_distances(&mut self, exact: &impl Fn(&Vector<D>, f32) -> (f32, Vector<D>)) {
+    fn find_distances(
+        &mut self,
+        bands: [f32; 2],
+        exact: &impl Fn(&Vector<D>, f32) -> (f32, Vector<D>),
+    ) {
         let row_length = self.counts[D - 1];
-        let far = BAND * self.spacing;
         for row in 0..self.rough.len() / row_length {
             if interrupted() {
                 self.distances.resize(self.rough.len(), f32::INFINITY);
@@ -79,6 +86,7 @@ impl<const D: usize> Lattice<D> {
             let (mut before, mut farthest) = (0.0_f32, f32::INFINITY);
             for column in 0..row_length {
                 let nearer = before.abs() - self.spacing;
+                let far = bands[usize::from(before > 0.0)];
                 if nearer > far {
                     (before, farthest) = (nearer.copysign(before), f32::INFINITY);
                 } else {
@@ -92,8 +100,8 @@ impl<const D: usize> Lattice<D> {
     }
 
     /// Marks the cells in which interpolated distances or normals are not true.
-    fn find_edges(&mut self, exact: &impl Fn(&Vector<D>, f32) -> (f32, Vector<D>)) {
-        let (near, middle) = (TESTED * self.spacing, Vector::repeat(0.5));
+    fn find_edges(&mut self, dx: f32, exact: &impl Fn(&Vector<D>, f32) -> (f32, Vector<D>)) {
+        let (near, middle) = (TESTED * dx, Vector::repeat(0.5));
         for corner in 0..self.rough.len() {
             let place = self.place(corner);
             let is_cell = (0..D).all(|axis| place[axis] + 1 < self.counts[axis]);
@@ -104,24 +112,38 @@ impl<const D: usize> Lattice<D> {
                 return;
             }
             let bound = self.farthest(corner);
-            self.rough[corner] = (0..1 << D).any(|part| {
+            // In 3D every other one of eight points.
+            let parts = (0_usize..1 << D).filter(|part| D == 2 || part.count_ones() % 2 == 0);
+            self.rough[corner] = parts.into_iter().any(|part| {
                 let within =
                     Vector::from_fn(|axis, _| if part >> axis & 1 == 1 { 0.75 } else { 0.25 });
                 let (distance, slope) = self.interpolated(corner, &within);
                 let x = self.position(corner) + within * self.spacing;
                 let (true_distance, normal) = exact(&x, bound);
-                (distance - true_distance).abs() > ALLOWED * self.spacing
+                (distance - true_distance).abs() > ALLOWED * dx
                     || slope.dot(&normal) < ALIKE * slope.norm()
             });
         }
     }
 
+    /// Whether a point may lie inside; false only where a corner nearby is farther from the surface than from the point.
+    pub fn may_contain(&self, x: &Vector<D>) -> bool {
+        let Some((corner, within)) = self.cell(x) else {
+            return true;
+        };
+        if !self.rough[corner] {
+            return self.height(corner, &within) < 0.0;
+        }
+        (0..1 << D).all(|part| {
+            let (index, away) = self.corner_of(part, &within);
+            self.distances[corner + index] < away.norm() * self.spacing
+        })
+    }
+
     /// Signed distance of a point and the normal; or, where facets have to be asked, a bound on the distance [m].
     pub fn distance(&self, x: &Vector<D>) -> Result<(f32, Vector<D>), f32> {
-        let [lower, upper] = &self.bounds;
-        let cells = (x - self.lower) / self.spacing;
-        let last = |axis: usize| (self.counts[axis] - 1) as f32;
-        if !(0..D).all(|axis| cells[axis] >= 0.0 && cells[axis] < last(axis)) {
+        let Some((corner, within)) = self.cell(x) else {
+            let [lower, upper] = &self.bounds;
             let outside = x - Vector::from_fn(|axis, _| x[axis].clamp(lower[axis], upper[axis]));
             let distance = outside.norm();
             return if distance > 0.0 {
@@ -129,14 +151,11 @@ impl<const D: usize> Lattice<D> {
             } else {
                 Err(f32::INFINITY)
             };
-        }
-        let corner = (0..D).fold(0, |corner, axis| {
-            corner * self.counts[axis] + cells[axis] as usize
-        });
+        };
         if self.rough[corner] {
             return Err(self.farthest(corner));
         }
-        let (distance, slope) = self.interpolated(corner, &cells.map(|s| s - s.floor()));
+        let (distance, slope) = self.interpolated(corner, &within);
         let steepness = slope.norm();
         // Halfway between two surfaces the slope is lost.
         if steepness < 0.5 {
@@ -145,9 +164,50 @@ impl<const D: usize> Lattice<D> {
         Ok((distance, slope / steepness))
     }
 
+    /// The corner below a point and the place in its cell, in [0, 1) along each axis; None beyond the lattice.
+    fn cell(&self, x: &Vector<D>) -> Option<(usize, Vector<D>)> {
+        let cells = (x - self.lower) / self.spacing;
+        let last = |axis: usize| (self.counts[axis] - 1) as f32;
+        let is_within = (0..D).all(|axis| cells[axis] >= 0.0 && cells[axis] < last(axis));
+        is_within.then(|| {
+            let corner = (0..D).fold(0, |corner, axis| {
+                corner * self.counts[axis] + cells[axis] as usize
+            });
+            (corner, cells.map(|s| s - s.floor()))
+        })
+    }
+
+    /// A corner of a cell from its lowest one: how much higher its index is, and how far a place in the cell lies from it.
+    #[inline(always)]
+    fn corner_of(&self, part: usize, within: &Vector<D>) -> (usize, Vector<D>) {
+        let high = |axis: usize| part >> axis & 1;
+        let index = (0..D).fold(0, |index, axis| index * self.counts[axis] + high(axis));
+        (
+            index,
+            Vector::from_fn(|axis, _| within[axis] - high(axis) as f32),
+        )
+    }
+
     /// Bound on the distances in the cell above a corner that is near to the surface [m].
     fn farthest(&self, corner: usize) -> f32 {
         self.distances[corner].abs() + (D as f32).sqrt() * self.spacing
+    }
+
+    /// Distance at a place in the cell above a corner, as `interpolated`.
+    #[inline(always)]
+    fn height(&self, corner: usize, within: &Vector<D>) -> f32 {
+        let mut values = [0.0; 8];
+        for part in 0..1 << D {
+            values[part] = self.distances[corner + self.corner_of(part, within).0];
+        }
+        // Halves the number of values axis by axis: the last bit of a part is the first axis.
+        for axis in (0..D).rev() {
+            for part in 0..1 << axis {
+                let (low, high) = (values[part], values[part + (1 << axis)]);
+                values[part] = low + (high - low) * within[axis];
+            }
+        }
+        values[0]
     }
 
     /// Distance and its slope at a place in the cell above a corner, in [0, 1] along each axis.
@@ -155,17 +215,8 @@ impl<const D: usize> Lattice<D> {
     fn interpolated(&self, corner: usize, within: &Vector<D>) -> (f32, Vector<D>) {
         let (mut distance, mut slope) = (0.0, Vector::<D>::zeros());
         for part in 0..1 << D {
-            let mut index = 0;
-            let mut weights = [0.0; D];
-            for axis in 0..D {
-                let step = part >> axis & 1;
-                index = index * self.counts[axis] + step;
-                weights[axis] = if step == 1 {
-                    within[axis]
-                } else {
-                    1.0 - within[axis]
-                };
-            }
+            let (index, away) = self.corner_of(part, within);
+            let weights: [f32; D] = std::array::from_fn(|axis| 1.0 - away[axis].abs());
             let value = self.distances[corner + index];
             distance += value * weights.iter().product::<f32>();
             for axis in 0..D {

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 /// A face counts as on a wall up to this distance from it [lengths of the world].
 const ON_WALL: f32 = 1.0e-6;
+/// Distances that contact needs, inside and outside, of surfaces at rest and of moving ones [cells].
+const AT_REST: [f32; 2] = [4.5, 4.0];
+const MOVING: [f32; 2] = [7.0, 6.0];
 /// More than the world [lengths of it].
 const FAR: f32 = 2.0;
 
@@ -72,12 +75,27 @@ impl<const D: usize> Obstacle<D> {
             (Shape::Surface(surface), None) => {
                 let within = [walls.lower, walls.upper];
                 let beyond = surface.through([&walls.lower, &walls.upper], on_wall, far);
-                Shape::Surface(beyond.prepared(dx, Some(within)))
+                Shape::Surface(beyond.prepared(dx, AT_REST, Some(within)))
             }
-            (Shape::Surface(surface), Some(_)) => Shape::Surface(surface.prepared(dx, None)),
+            (Shape::Surface(surface), Some(_)) => {
+                Shape::Surface(surface.prepared(dx, MOVING, None))
+            }
             (shape, _) => shape.clone(),
         };
         Self { shape, ..self }
+    }
+
+    /// Returns the same solid, prepared for many distances of which those beyond `reach` [m] may be nearer to zero.
+    #[must_use]
+    pub fn within(&self, reach: f32) -> Self {
+        let shape = match &self.shape {
+            Shape::Surface(surface) => Shape::Surface(surface.prepared(reach, [1.5; 2], None)),
+            shape => shape.clone(),
+        };
+        Self {
+            shape,
+            ..self.clone()
+        }
     }
 
     /// The solid as it is at a time [s].
@@ -96,6 +114,21 @@ impl<const D: usize> Obstacle<D> {
         };
         let (distance, normal) = self.shape.distance(&pose.at_start(x));
         (distance, pose.turn(&normal))
+    }
+
+    /// Signed distance and unit normal in the world of a point inside; None outside.
+    pub(super) fn depth_in(
+        &self,
+        pose: Option<&Pose<D>>,
+        x: &Vector<D>,
+    ) -> Option<(f32, Vector<D>)> {
+        if let Shape::Surface(surface) = &self.shape
+            && !surface.may_contain(&pose.map_or(*x, |pose| pose.at_start(x)))
+        {
+            return None;
+        }
+        let found = self.distance_in(pose, x);
+        (found.0 < 0.0).then_some(found)
     }
 
     /// Bound on the speed of those points of the solid that can touch material [m/s], in a world up to this corner.

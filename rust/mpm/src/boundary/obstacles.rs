@@ -429,7 +429,7 @@ impl<const D: usize> Obstacles<D> {
     pub fn contains(&self, x: &Vector<D>) -> bool {
         let pose = |index: usize| self.moving.as_ref()?.poses[index].as_ref();
         let mut numbered = self.list.iter().enumerate();
-        numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
+        numbered.any(|(index, obstacle)| obstacle.depth_in(pose(index), x).is_some())
     }
 
     /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its
@@ -448,8 +448,7 @@ impl<const D: usize> Obstacles<D> {
                 .moving
                 .as_ref()
                 .and_then(|moving| moving.poses[index].as_ref());
-            let (distance, normal) = obstacle.distance_in(pose, x);
-            if distance < 0.0 {
+            if let Some((distance, normal)) = obstacle.depth_in(pose, x) {
                 let correction = self.correction(distance, pose, v);
                 *x -= normal * correction;
                 if pose.is_some() {

@@ -8,8 +8,9 @@ use parry2d_f64::math::Vector as PlanePoint;
 use parry2d_f64::query::PointQueryWithLocation as PlaneQuery;
 use parry2d_f64::shape::{Polyline, PolylineFlags, SegmentPointLocation};
 use parry3d_f64::math::Vector as SpacePoint;
+use parry3d_f64::partitioning::BvhNode;
 use parry3d_f64::query::PointQueryWithLocation as SpaceQuery;
-use parry3d_f64::shape::{TriMesh, TriMeshFlags, TrianglePointLocation};
+use parry3d_f64::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -134,14 +135,37 @@ impl<const D: usize> Surface<D> {
         Self::of(soup)
     }
 
-    /// The same surface, with distances found once at points `spacing` [m] apart, between these corners if any.
-    pub(super) fn prepared(&self, spacing: f32, between: Option<[Vector<D>; 2]>) -> Self {
+    /// The same surface, with distances found once for a scene with cells `dx` [m], up to so many cells inside and outside. Farther
+    /// off, and outside of `between`, bounds on distances do.
+    pub(super) fn prepared(
+        &self,
+        dx: f32,
+        bands: [f32; 2],
+        between: Option<[Vector<D>; 2]>,
+    ) -> Self {
         let exact = |x: &Vector<D>, bound: f32| self.exact(x, bound);
-        let lattice = Lattice::new(self.bounds(), between, spacing, exact);
+        let lattice = Lattice::new(self.bounds(), between, dx, bands, exact);
         Self {
             lattice: Some(Arc::new(lattice)),
             ..self.clone()
         }
+    }
+
+    /// Returns a point where two triangles that have no corner in common cross; None where none do, and in 2D.
+    pub fn crossing(&self) -> Option<Vector<D>> {
+        let Search::Mesh(mesh) = &*self.search else {
+            return None;
+        };
+        (0..mesh.num_triangles() as u32).find_map(|one| {
+            let triangle = mesh.triangle(one);
+            let around = BvhNode::leaf(triangle.local_aabb(), 0);
+            let near = mesh.bvh().leaves(|node: &BvhNode| node.intersects(&around));
+            let mut others = near.filter(|other| *other > one);
+            others.find_map(|other| {
+                let place = crossing_of(&triangle, &mesh.triangle(other))?.to_array();
+                Some(Vector::from_fn(|axis, _| place[axis] as f32))
+            })
+        })
     }
 
     /// Lowest and highest corner of a box around the surface [m].
@@ -170,6 +194,12 @@ impl<const D: usize> Surface<D> {
             Some(Ok(found)) => found,
             Some(Err(bound)) => self.exact(x, bound),
         }
+    }
+
+    /// Whether a point may lie inside; false tells that it does not, without asking the facets.
+    pub(super) fn may_contain(&self, x: &Vector<D>) -> bool {
+        let lattice = self.lattice.as_ref();
+        lattice.is_none_or(|lattice| lattice.may_contain(x))
     }
 
     /// The same from the facets, given a bound on its absolute value [m].
@@ -279,6 +309,30 @@ impl Search {
         let distance = if is_inside { -length } else { length };
         Some((distance, on_facet.unwrap_or(away.map(|s| s / distance))))
     }
+}
+
+/// Where an edge of one triangle passes the other one; None where they touch, or have a corner in common.
+fn crossing_of(one: &Triangle, other: &Triangle) -> Option<SpacePoint> {
+    if (one.vertices().iter()).any(|corner| other.vertices().contains(corner)) {
+        return None;
+    }
+    [(one, other), (other, one)]
+        .iter()
+        .find_map(|(of, through)| {
+            let normal = through.scaled_normal();
+            of.edges().iter().find_map(|edge| {
+                let heights = [edge.a, edge.b].map(|end| (end - through.a).dot(normal));
+                if heights[0] * heights[1] >= 0.0 {
+                    return None;
+                }
+                let place = edge.a + (edge.b - edge.a) * (heights[0] / (heights[0] - heights[1]));
+                let within = through
+                    .edges()
+                    .iter()
+                    .all(|side| (side.b - side.a).cross(place - side.a).dot(normal) > 0.0);
+                within.then_some(place)
+            })
+        })
 }
 
 fn space<const D: usize>(v: &Vector<D>) -> SpacePoint {

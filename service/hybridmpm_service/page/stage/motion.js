@@ -12,6 +12,9 @@ export function placed(obstacle, time) {
       return { ...obstacle, center: moved(obstacle.center) };
     case "box":
       return { ...obstacle, corners: cornersOf(obstacle).map(moved) };
+    case "polygon":
+    case "mesh":
+      return { ...obstacle, vertices: obstacle.vertices.map(moved) };
     default: {
       const point = moved(obstacle.point);
       const tip = moved(obstacle.point.map((value, axis) => value + obstacle.normal[axis]));

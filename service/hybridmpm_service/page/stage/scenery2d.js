@@ -65,11 +65,29 @@ export function drawFlatObstacle(context, view, obstacle) {
   } else if (obstacle.shape === "box") {
     context.beginPath();
     context.roundRect(...rectangleOf(view, obstacle), 2);
+  } else if (obstacle.shape === "polygon") {
+    drawPolygon(context, view, obstacle.vertices);
+    return;
   } else {
     traceWorld(context, view, halfSpaceOutline(obstacle), true);
   }
   context.fill();
   context.stroke();
+}
+
+/** Draw a polygon by the even-odd rule; ways there and back, as lead to holes, have no edge. */
+function drawPolygon(context, view, vertices) {
+  traceWorld(context, view, vertices, true);
+  context.fill("evenodd");
+  const ends = (k) => [vertices[k], vertices[(k + 1) % vertices.length]];
+  const nameOf = (k) => ends(k).map(String).sort().join(" ");
+  const times = new Map();
+  vertices.forEach((_, k) => times.set(nameOf(k), (times.get(nameOf(k)) ?? 0) + 1));
+  vertices.forEach((_, k) => {
+    if (times.get(nameOf(k)) % 2 === 0) return;
+    traceWorld(context, view, ends(k));
+    context.stroke();
+  });
 }
 
 /** A large quadrilateral on the solid side of the half-space; the walls' frame hides what sticks out. */

@@ -59,9 +59,33 @@ export function drawSolidObstacle(context, view, obstacle) {
     context.lineWidth = Math.max(2, obstacle.thickness * view.pixelsPerMetre);
     context.strokeStyle = "rgb(147 167 192 / 0.55)";
     context.stroke();
+  } else if (obstacle.shape === "mesh") {
+    drawMesh(context, view, obstacle);
   } else {
     drawPlane(context, view, obstacle);
   }
+}
+
+/** Draw the outline of a mesh: the edges at which it turns away from the viewer. */
+function drawMesh(context, view, { vertices, triangles }) {
+  const places = vertices.map((vertex) => view.project(vertex));
+  const turns = ([a, b, c]) =>
+    (places[b][0] - places[a][0]) * (places[c][1] - places[a][1]) - (places[b][1] - places[a][1]) * (places[c][0] - places[a][0]) > 0;
+  const edges = new Set();
+  for (const corners of triangles.filter(turns)) {
+    // An edge between two triangles that face the viewer is met both ways round.
+    corners.forEach((a, k) => {
+      const b = corners[(k + 1) % 3];
+      if (!edges.delete(b * vertices.length + a)) edges.add(a * vertices.length + b);
+    });
+  }
+  context.beginPath();
+  for (const edge of edges) {
+    const [a, b] = [Math.floor(edge / vertices.length), edge % vertices.length];
+    context.moveTo(places[a][0], places[a][1]);
+    context.lineTo(places[b][0], places[b][1]);
+  }
+  context.stroke();
 }
 
 function drawRings(context, view, center, radius) {
