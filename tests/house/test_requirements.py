@@ -18,7 +18,13 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 ROOMS = {"python/hybridmpm": "pyproject.toml", "service/hybridmpm_service": "service/pyproject.toml"}
 """Folders of Python, and the files that declare what they import."""
-DISTRIBUTIONS = {"markdown_it": "markdown-it-py", "PIL": "pillow", "ot": "pot", "yaml": "pyyaml"}
+DISTRIBUTIONS = {
+    "markdown_it": "markdown-it-py",
+    "PIL": "pillow",
+    "ot": "pot",
+    "pxr": "usd-core",
+    "yaml": "pyyaml",
+}
 """Names of distributions, by those of their packages where they differ."""
 PIN = re.compile(
     r"^(?P<name>[\w.-]+)==(?P<version>\S+)( ; [^\\]+)? \\\n(    --hash=sha256:[0-9a-f]{64}( \\)?\n)+",

@@ -43,8 +43,7 @@ from hybridmpm.control.sketch.sketch import (
     check_in_world,
 )
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
-from hybridmpm.control.sketch.svg import shape_of_path
-from hybridmpm.control.sketch.tracing import shape_of_picture, shape_of_text
+from hybridmpm.control.sketch.tracing import shape_of_path, shape_of_picture, shape_of_text
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 
 __all__ = [

@@ -2,6 +2,7 @@
 
 from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Mesh, Polygon
+from hybridmpm.scene.files import shape_in
 from hybridmpm.scene.materials import LIQUIDS, Elastic, Fluid, Liquid, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
 from hybridmpm.scene.obstacles import (
@@ -65,4 +66,5 @@ __all__ = [
     "Water",
     "World",
     "plain_data",
+    "shape_in",
 ]

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
-from hybridmpm.scene import plain_data
+from hybridmpm.scene import files, plain_data
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.drawing import svg
 from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
@@ -45,7 +45,9 @@ _SHAPES_OF_ONE_DIMENSION = {
     ("bodies", "polygon"): (2, "box, ball, cylinder and mesh"),
     ("bodies", "cylinder"): (3, "box, ball and polygon"),
     ("bodies", "mesh"): (3, "box, ball and polygon"),
-    ("obstacles", "cylinder"): (3, "segment, box, ball and half_space"),
+    ("obstacles", "polygon"): (2, "segment, box, ball, cylinder, half_space and mesh"),
+    ("obstacles", "cylinder"): (3, "segment, box, ball, half_space and polygon"),
+    ("obstacles", "mesh"): (3, "segment, box, ball, half_space and polygon"),
 }
 """The dimension of shapes that have only one, and the shapes of the other dimension."""
 
@@ -387,6 +389,9 @@ class Scene(Record):
     def load(cls, path: str | Path) -> Self:
         """Read a scene from a .json, .yaml or .yml file.
 
+        In it a body or an obstacle may have `file`, `center` and `height` in the place of its shape: that of
+        an .stl, .obj, .ply, .glb, .svg or .png file, whose place is relative to that of the scene.
+
         Raises
         ------
         SceneError
@@ -395,8 +400,14 @@ class Scene(Record):
             The file cannot be read.
         """
         path = Path(path)
-        read = cls.from_json if _suffix(path) == ".json" else cls.from_yaml
-        return read(path.read_bytes())
+        kind, read = (
+            ("JSON", plain_data.from_json) if _suffix(path) == ".json" else ("YAML", plain_data.from_yaml)
+        )
+        try:
+            data = read(path.read_bytes())
+        except ValueError as error:
+            raise SceneError(f"the scene is not {kind}: {error}") from None
+        return cls.parse(files.resolved(data, path.parent))
 
     def to_json(self) -> str:
         """Return the scene as JSON; `from_json` makes an equal scene of it."""

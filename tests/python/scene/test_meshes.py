@@ -104,3 +104,35 @@ def test_surfaces_that_enclose_nothing_are_refused(tmp_path: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(ConfigError, match=r"pip install 'hybridmpm\[shapes\]'"):
         Mesh.read(tmp_path / "none.stl", CENTER, 0.1, material="water")
+
+
+def test_scene_files_name_files_of_shapes(tmp_path: Path) -> None:
+    import trimesh
+    from PIL import Image, ImageDraw
+
+    trimesh.creation.icosphere(2).export(tmp_path / "ball.stl")
+    picture = Image.new("L", (80, 80), "white")
+    ImageDraw.Draw(picture).rectangle((20, 30, 59, 49), fill="black")
+    picture.save(tmp_path / "bar.png")
+    (tmp_path / "disc.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><circle r="5"/></svg>')
+    (tmp_path / "space.yaml").write_text(
+        "dim: 3\nresolution: 20\nbodies:\n"
+        "- {file: ball.stl, center: [0.5, 0.6, 0.5], height: 0.2, material: water}\n"
+        "obstacles:\n- {file: ball.stl, center: [0.5, 0.3, 0.5], height: 0.2, contact: sticky}\n"
+    )
+    scene = Scene.load(tmp_path / "space.yaml")
+    assert [part.shape for part in (*scene.bodies, *scene.obstacles)] == ["mesh", "mesh"]
+    assert scene.bodies[0].measure == pytest.approx(4 / 3 * np.pi * 0.1**3, rel=0.04)
+    flat = (
+        '{"dim": 2, "bodies": [{"file": "disc.svg", "center": [0.5, 0.6], "height": 0.2, "material": "sand"}]'
+    )
+    bar = '"obstacles": [{"file": "bar.png", "center": [0.5, 0.3], "height": 0.1}]}'
+    (tmp_path / "flat.json").write_text(f"{flat}, {bar}")
+    scene = Scene.load(tmp_path / "flat.json")
+    assert scene.bodies[0].measure == pytest.approx(np.pi * 0.01, rel=0.01)
+    low, high = scene.obstacles[0].bounds
+    assert (high - low).tolist() == pytest.approx([0.2, 0.1], rel=0.02)
+    (tmp_path / "bad.json").write_text(flat.replace("disc", "none") + ', "obstacles": [{"file": "bar.png"}]}')
+    with pytest.raises(SceneError) as caught:
+        Scene.load(tmp_path / "bad.json")
+    assert [field for field, _ in caught.value.problems] == ["bodies[0].file", "obstacles[0].center"]

@@ -63,7 +63,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
             [0.4, 0.95],
             "bodies[0]: … inside the walls, (0.1, 0.1) to (0.9, 0.9) m, but spans",
         ),
-        ("bodies.0.material", "lava", "bodies[0].material: … 'water', 'sand', 'elastic', got 'lava'"),
+        ("bodies.0.material", "jam", "bodies[0].material: … got 'jam'"),
         ("bodies.0.material", {}, "bodies[0].material: must name its 'kind'"),
         ("bodies.0.material.density", -1, "bodies[0].material.density: … (0, 100000] kg/m^3, got -1"),
         ("bodies.0.material.max_compression", 0, "bodies[0].material.max_compression: … (0, 0.5], got 0"),

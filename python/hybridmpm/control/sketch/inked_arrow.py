@@ -18,11 +18,11 @@ from hybridmpm.control.sketch.polyline import (
     arc_lengths,
     distance_to_line,
     evenly_spaced,
-    simplified,
     values_at_knots,
 )
 from hybridmpm.control.sketch.sketch import RASTER_SIZE, WIDTH_AT_BACK, WIDTH_AT_FRONT, Arrow, Floats
 from hybridmpm.errors import SketchError
+from hybridmpm.scene.lines import simplified
 
 MAX_WAY = 2048
 """Longest line; it bounds the time for a maze or a spiral."""

@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from hybridmpm._support.arguments import no_truth_value
 from hybridmpm.control.sketch.outline import fit_outline
-from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, simplified, values_at_knots
+from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, values_at_knots
 from hybridmpm.control.sketch.sketch import (
     MAX_POINTS,
     MIN_LENGTH,
@@ -27,6 +27,7 @@ from hybridmpm.control.sketch.sketch import (
 )
 from hybridmpm.errors import SketchError
 from hybridmpm.scene.fields import LONGEST
+from hybridmpm.scene.lines import simplified
 
 Kind: TypeAlias = Literal["arrow", "ellipse"]
 

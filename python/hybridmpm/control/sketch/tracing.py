@@ -1,7 +1,6 @@
 """Shapes traced from pictures and texts."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -9,15 +8,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from hybridmpm._support.arguments import real
 from hybridmpm.control.sketch.picture import decode
-from hybridmpm.control.sketch.polyline import simplified
 from hybridmpm.control.sketch.sketch import MAX_OUTLINES, RASTER_SIZE, Floats, Shape
-from hybridmpm.errors import ConfigError, SketchError
+from hybridmpm.errors import DataError, SketchError
 from hybridmpm.scene.fields import LONGEST
+from hybridmpm.scene.files import dark_lines, grey_of, path_lines, placed
 
 _FONT_PIXELS = 240
 """Height of the letters that are traced [pixels]."""
-_FEW_POINTS = 512
-"""Points of all lines together beyond which traced lines are made simpler."""
 _LEAST = 1e-6
 """Smallest height of a traced shape [m]."""
 
@@ -51,17 +48,36 @@ def shape_of_picture(
     """
     if isinstance(picture, bytes):
         picture = Image.fromarray(decode(picture)[0])
-    if isinstance(picture, Image.Image):
-        rgba = picture.convert("RGBA")
-        ground = Image.new("RGBA", rgba.size, "white")
-        picture = np.asarray(Image.alpha_composite(ground, rgba).convert("L"))
-    grey = np.asarray(picture, dtype=np.float64)
+    grey = grey_of(picture) if isinstance(picture, Image.Image) else np.asarray(picture, dtype=np.float64)
     if grey.ndim != 2 or min(grey.shape) < 2 or not np.isfinite(grey).all():
         raise SketchError(f"picture must be finite numbers (H, W), got shape {grey.shape}")
-    middle = (grey.min() + grey.max()) / 2
-    if not grey.min() < middle:
-        raise SketchError("picture: all of it is equally dark; a shape needs dark parts on a light ground")
-    return Shape(_traced(middle - grey, center, real("height", height, _LEAST, LONGEST)), width)
+    return Shape(_placed(lambda: dark_lines(grey), center, height), width)
+
+
+def shape_of_path(path: str, center: Sequence[float], height: float, width: float | None = None) -> Shape:
+    """Return the shape of an SVG path, the attribute `d` of its element, by the even-odd rule.
+
+    Curves become lines of 16 pieces. Parts that are not closed are closed by a straight line.
+
+    Parameters
+    ----------
+    path : str
+        Commands of an SVG path, absolute or relative.
+    center : float (2,)
+        Middle of the rectangle around the shape [m].
+    height : float in [1e-6, 4096]
+        Height of that rectangle [m].
+    width : float in [2, 20], optional
+        As of `Shape`.
+
+    Raises
+    ------
+    SketchError
+        The path is none, or encloses nothing.
+    ConfigError
+        svgpathtools is not installed: pip install 'hybridmpm[shapes]'.
+    """
+    return Shape(_placed(lambda: path_lines(path), center, height), width)
 
 
 def shape_of_text(text: str, center: Sequence[float], height: float, width: float | None = None) -> Shape:
@@ -86,38 +102,14 @@ def shape_of_text(text: str, center: Sequence[float], height: float, width: floa
     return shape_of_picture(picture, center, height, width)
 
 
-def _traced(inside: Floats, center: Sequence[float], height: float) -> tuple[Floats, ...]:
-    """Return the lines around the positive values (H, W) of a picture, at a place and of a height [m]."""
+def _placed(
+    lines: Callable[[], Sequence[Floats]], center: Sequence[float], height: float
+) -> tuple[Floats, ...]:
+    """Return lines of a file at a place and of a height [m]; their faults are those of a sketch."""
     try:
-        import contourpy  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ConfigError("tracing a picture needs contourpy: pip install 'hybridmpm[shapes]'") from None
-    edged = np.pad(inside, 1, constant_values=min(float(inside.min()), -1e-9))
-    generator: Any = contourpy.contour_generator(z=edged)
-    # Row 0 is on top.
-    lines = [line[:-1] * [1.0, -1.0] for line in generator.lines(0.0) if len(line) > 3]
-    if not lines:
-        raise SketchError("picture: it has no dark part that can be traced")
-    return placed(lines, center, height)
-
-
-def placed(lines: Sequence[Floats], center: Sequence[float], height: float) -> tuple[Floats, ...]:
-    """Return closed lines at a place and of a height [m], made simpler where they have many points.
-
-    Raises
-    ------
-    SketchError
-        There are too many.
-    """
-    points = np.concatenate(lines)
-    low, high = points.min(axis=0), points.max(axis=0)
-    scale = height / (high[1] - low[1])
-    found = [(line - (low + high) / 2) * scale + np.asarray(center, dtype=np.float64) for line in lines]
-    tolerance = height / RASTER_SIZE
-    while sum(map(len, found)) > _FEW_POINTS and tolerance < height / 16:
-        simple = [line[simplified(np.vstack([line, line[:1]]), tolerance)[:-1]] for line in found]
-        found = [line for line in simple if len(line) > 2]
-        tolerance *= 1.5
+        found = placed(lines(), center, real("height", height, _LEAST, LONGEST), RASTER_SIZE)
+    except DataError as error:
+        raise SketchError(str(error)) from None
     if len(found) > MAX_OUTLINES:
         raise SketchError(f"it has {len(found)} parts, at most {MAX_OUTLINES} are allowed; make it simpler")
-    return tuple(np.ascontiguousarray(line) for line in found)
+    return tuple(found)
