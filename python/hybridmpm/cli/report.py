@@ -22,6 +22,12 @@ from hybridmpm.scene import Scene
 
 _LIBRARIES = ("numpy", "pydantic", "pillow", "click", "pyyaml")
 """Distributions that the package needs."""
+_EXTRAS = (
+    ("shape files", "shapes", ("contourpy", "svgpathtools", "trimesh")),
+    ("surfaces", "surfaces", ("pysplashsurf",)),
+    ("USD", "usd", ("pxr",)),
+)
+"""What needs an extra, its name, and its modules."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -48,6 +54,7 @@ def examine() -> list[Finding]:
         Finding("cpu features", "ok", ", ".join(_core.cpu_features()) or "none that matter here"),
         _solver_works(),
         _encoder(),
+        *(_extra(*extra) for extra in _EXTRAS),
         _service(),
         _browser(),
     ]
@@ -68,6 +75,13 @@ def _encoder() -> Finding:
     except (ExportError, RuntimeError):
         return Finding("mp4 encoder", "missing", "pip install 'hybridmpm[video]'; GIF works without")
     return Finding("mp4 encoder", "ok", path)
+
+
+def _extra(subject: str, extra: str, packages: tuple[str, ...]) -> Finding:
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
+    if missing:
+        return Finding(subject, "missing", f"pip install 'hybridmpm[{extra}]', for {', '.join(missing)}")
+    return Finding(subject, "ok", ", ".join(packages))
 
 
 def _service() -> Finding:

@@ -145,10 +145,11 @@ def simulate(
 ) -> None:
     """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, --resume one, or repeat a --run.
 
-    The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
-    a picture of the last state, .ply or .vtp the particles of the last state, .obj or .glb their surface in
-    3D. A .png, .ply, .vtp, .obj or .glb name with %04d in it stands for a series of numbered files, one for
-    each recorded state. An .html is a page that plays the simulation from its first state in any browser.
+    The suffix of each --out FILE decides its content: .npz has all recorded states, .usdc their particles,
+    .gif or .mp4 a film, .png a picture of the last state, .ply or .vtp the particles of the last state, .obj
+    or .glb their surface in 3D. A .png, .ply, .vtp, .obj or .glb name with %04d in it stands for a series of
+    numbered files, one for each recorded state. An .html is a page that plays the simulation from its first
+    state in any browser.
     Without --out and --save the run is timed, and nothing of it is kept.
     """
     style = export.Style(width=width, speed=speed, strip=strip, surface=surface)

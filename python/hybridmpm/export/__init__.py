@@ -7,6 +7,7 @@
 | .png | a picture of the last state, or of several states side by side (`strip`) |
 | .ply, .vtp | the last state as a cloud of points with velocity and type |
 | .obj, .glb | in 3D, the surfaces of the last state as meshes of triangles; they need the extra `surfaces` |
+| .usdc | the particles of all states as points of Universal Scene Description; it needs the extra `usd` |
 
 With `Style(surface=True)` a .ply is a surface, too. A .png, .ply, .vtp, .obj or .glb name with `%d` or e.g.
 `%04d` in it gives a numbered series instead: one file for each recorded state, numbered by frame. A file
@@ -21,7 +22,7 @@ from pathlib import Path
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ExportError
-from hybridmpm.export import arrays, clouds, pictures, surfaces
+from hybridmpm.export import arrays, clouds, pictures, stages, surfaces
 from hybridmpm.export.clouds import Cloud
 from hybridmpm.export.surfaces import Surface, Surfaces
 from hybridmpm.recording import Recording
@@ -39,12 +40,12 @@ __all__ = [
     "save",
 ]
 
-SUFFIXES = (".gif", ".glb", ".mp4", ".npz", ".obj", ".ply", ".png", ".vtp")
+SUFFIXES = (".gif", ".glb", ".mp4", ".npz", ".obj", ".ply", ".png", ".usdc", ".vtp")
 _CLOUDS = {".ply": clouds.write_ply, ".vtp": clouds.write_vtp}
 _SURFACES = {".glb": surfaces.write_glb, ".obj": surfaces.write_obj, ".ply": surfaces.write_ply}
-GEOMETRY = (".glb", ".obj", ".ply", ".vtp")
+GEOMETRY = (".glb", ".obj", ".ply", ".usdc", ".vtp")
 """Suffixes of files with points or surfaces, which are no pictures."""
-_SINGLE = (*GEOMETRY, ".png")
+_SINGLE = (*(suffix for suffix in GEOMETRY if suffix != ".usdc"), ".png")
 _NUMBER = re.compile(r"%(0\d{1,2})?d")
 
 WriteState = Callable[[Path, Recording, int], None]
@@ -110,6 +111,8 @@ def check_target(path: Path, style: Style | None = None, *, dim: int | None = No
         raise ExportError(f"a numbered series is for {', '.join(_SINGLE)}; got {path.name!r}")
     if suffix == ".mp4":
         pictures.require_encoder()
+    if suffix == ".usdc":
+        stages.require_usd()
     if _is_surface(suffix, style or Style()):
         surfaces.require_meshing()
         if dim is not None:
@@ -123,7 +126,9 @@ def _is_surface(suffix: str, style: Style) -> bool:
 def needs_history(path: Path, style: Style) -> bool:
     """Return whether `save` needs more states than the last for this file."""
     strip = path.suffix.lower() == ".png" and style.strip > 1
-    return strip or path.suffix.lower() in {".gif", ".mp4", ".npz"} or bool(_NUMBER.search(path.name))
+    return (
+        strip or path.suffix.lower() in {".gif", ".mp4", ".npz", ".usdc"} or bool(_NUMBER.search(path.name))
+    )
 
 
 def save(
@@ -163,9 +168,9 @@ def save(
             pace = pictures.Pace(style.speed, style.fps)
             write_film(part, recording, view or _view(recording, style), pace, progress)
         return [path]
-    if suffix == ".npz":
+    if suffix in {".npz", ".usdc"}:
         with replacing(path) as part:
-            arrays.write_npz(part, recording)
+            (arrays.write_npz if suffix == ".npz" else stages.write_usd)(part, recording)
         return [path]
     if suffix == ".png":
         return _save_pictures(path, recording, style, view or _view(recording, style), progress)

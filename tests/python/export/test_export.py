@@ -341,3 +341,21 @@ def test_merged_particles_are_drawn_as_large_as_they_are() -> None:
         covered.append(float((np.abs(drawn - empty(scene, 120)).max(axis=2) > 40).mean()))
     assert covered[0] == pytest.approx(0.3**2 / 0.848**2, rel=0.1)
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
+
+
+@pytest.mark.needs("pxr", "usd")
+def test_usd_has_the_particles_of_each_state(tmp_path: Path, recording: Recording) -> None:
+    from pxr import Usd, UsdGeom
+
+    export.save(tmp_path / "film.usdc", recording)
+    stage = Usd.Stage.Open(str(tmp_path / "film.usdc"))
+    assert (UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)) == ("Y", 1.0)
+    assert stage.GetTimeCodesPerSecond() == pytest.approx(1 / recording.scene.frame_dt)
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 24)
+    prims = [UsdGeom.Points(prim) for prim in stage.GetDefaultPrim().GetChildren()]
+    assert len(prims) == len(np.unique(recording.types))
+    for row, frame in enumerate(recording.frames.tolist()):
+        x = np.concatenate([prim.GetPointsAttr().Get(frame) for prim in prims])
+        ids = np.concatenate([prim.GetIdsAttr().Get(frame) for prim in prims])
+        np.testing.assert_array_equal(x[np.argsort(ids), :2], recording.positions[row])
+        assert not x[:, 2].any()
