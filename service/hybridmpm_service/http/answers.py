@@ -422,6 +422,19 @@ def _known(body: type[Answer], record: object) -> dict[str, Any]:
     return {name: getattr(record, name) for name in body.model_fields}
 
 
+class ShapeBody(Answer):
+    """A shape as fields of a body or an obstacle of a scene."""
+
+    model_config = example(shape="polygon", vertices=[[0.4, 0.4], [0.6, 0.4], [0.5, 0.6]], triangles=None)
+
+    shape: Literal["polygon", "mesh"]
+    """Kind of the shape: a polygon in 2D, a mesh in 3D."""
+    vertices: list[list[float]]
+    """Corners [m]."""
+    triangles: list[list[int]] | None = None
+    """Indices of three vertices each, of a mesh."""
+
+
 class CheckBody(Answer):
     """Estimates and findings of a scene before its first frame. Unknown figures are null."""
 

@@ -666,6 +666,15 @@ export interface SessionList {
   missing_nodes?: string[];
 }
 
+export interface ShapeBody {
+  /** Kind of the shape: a polygon in 2D, a mesh in 3D. */
+  shape: "polygon" | "mesh";
+  /** Corners [m]. */
+  vertices: number[][];
+  /** Indices of three vertices each, of a mesh. */
+  triangles?: number[][] | null;
+}
+
 export interface SketchBody {
   /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the depth. */
   sketch: Record<string, unknown>;

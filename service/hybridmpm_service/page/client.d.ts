@@ -71,6 +71,8 @@ export class Client {
   /** Findings about a scene before its first frame. */
   check(request: api.CheckScene): Promise<api.CheckBody>;
   outlines(request: api.OutlinesRequest, options?: { signal?: AbortSignal }): Promise<api.OutlinesBody>;
+  /** The shape in a file with this ending, such as "svg", as fields of a body or an obstacle; `place` is in metres. */
+  shape(file: Blob, kind: string, place: { height: number; x?: number; y?: number; z?: number }): Promise<api.ShapeBody>;
   /** A session, paused at frame 0: of a scenario, of a scene or of a log. */
   create(request: api.CreateSession, options?: CallOptions): Promise<Session>;
   /** All sessions, oldest first. */

@@ -65,13 +65,13 @@ export class Client {
     for (const [name, value] of Object.entries(query)) {
       if (value !== undefined) address.searchParams.set(name, String(value));
     }
-    const isForm = body instanceof FormData;
+    const isRaw = body instanceof FormData || body instanceof Blob;
     const headers = {
       ...(this.key === null ? {} : { Authorization: `Bearer ${this.key}` }),
       ...(accept === undefined ? {} : { Accept: accept }),
-      ...(body === undefined || isForm ? {} : { "Content-Type": "application/json" }),
+      ...(body === undefined || isRaw ? {} : { "Content-Type": "application/json" }),
     };
-    const content = body === undefined || isForm ? body : JSON.stringify(body);
+    const content = body === undefined || isRaw ? body : JSON.stringify(body);
     let response;
     try {
       response = await this.#options.fetch(address, { method, headers, body: content, signal, keepalive });
@@ -130,6 +130,10 @@ export class Client {
 
   outlines(request, options) {
     return this.json("POST", "/v1/outlines", request, options);
+  }
+
+  shape(file, kind, place) {
+    return this.json("POST", "/v1/shapes", file, { query: { kind, ...place } });
   }
 
   async create(request, options) {

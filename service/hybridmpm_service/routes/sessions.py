@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
+from hybridmpm.errors import ExportError
 from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
@@ -38,6 +39,8 @@ After = Annotated[
 ]
 START = "application/x-hybridmpm-start"
 """Media type of a start file."""
+GLB = "model/gltf-binary"
+"""Media type of surfaces as glTF."""
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 _NPZ_CONTENT = {NPZ: _BINARY}
 _PARTICLES_CONTENT = {NPZ: _BINARY, PLY: _BINARY, VTP: _BINARY}
@@ -170,6 +173,24 @@ async def get_particles(session_id: SessionId, sessions: Sessions, request: Requ
         cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
         return await cloud_response(sessions.turns, cloud, media_type)
     return await _particles(sessions.turns, sessions.get(session_id), as_npz=media_type == NPZ)
+
+
+@router.get(
+    "/{session_id}/surface",
+    response_class=Response,
+    responses={200: {"content": {GLB: _BINARY, PLY: _BINARY}}, **problems(404, 422, 503)},
+)
+@needs("view")
+async def get_surface(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
+    """Return the surface of each material of a 3D session as triangles, glTF or PLY."""
+    media_type = PLY if preferred(request, GLB, PLY) == PLY else GLB
+    recording = await sessions.get(session_id).recording()
+    kind = "ply" if media_type == PLY else "glb"
+    try:
+        data = await sessions.turns.apart(scene_work.surface_file, recording, kind)
+    except ExportError as error:
+        raise FieldError("path.session_id", str(error)) from None
+    return Response(data, media_type=media_type)
 
 
 async def _particles(turns: Turns, session: Session, *, as_npz: bool) -> Response:

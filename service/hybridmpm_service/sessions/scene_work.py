@@ -2,21 +2,35 @@
 
 import json
 import re
+import tempfile
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import ValidationError
 
-from hybridmpm import Scene, SceneError, UnknownScenarioError, checking, scenarios
+from hybridmpm import (
+    ConfigError,
+    DataError,
+    MeshObstacle,
+    PolygonObstacle,
+    Scene,
+    SceneError,
+    UnknownScenarioError,
+    checking,
+    export,
+    scenarios,
+)
 from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner import Estimate, Plan, estimates, plan
-from hybridmpm.scene import plain_data
+from hybridmpm.recording import Recording
+from hybridmpm.scene import plain_data, shape_in
 from hybridmpm_service.errors import FieldError, field_path
 from hybridmpm_service.sessions.admission import building_cost, within_limits
 from hybridmpm_service.sessions.inputs import INPUT, Input, Inputs, PushInput, SketchInput
@@ -28,6 +42,28 @@ _SMALL = 5_000_000
 """Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 _MOST_FAULTS, _MOST_FIELDS = 50, 100
 _solvers = cache(SolverFactory)
+
+
+def read_shape(data: bytes, kind: str, center: tuple[float, ...], height: float) -> dict[str, Any] | str:
+    """Return the shape in a file of this ending as fields of a body, or what is wrong with the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"file.{kind}"
+        path.write_bytes(data)
+        try:
+            shape = shape_in(path, center, height)
+            # Faults of surfaces, such as open edges, are those of an obstacle.
+            (MeshObstacle if shape["shape"] == "mesh" else PolygonObstacle)(**shape)
+        except (ConfigError, DataError) as error:
+            return str(error).replace(str(path), "the file").replace(path.name, "the file")
+        return shape
+
+
+def surface_file(recording: Recording, kind: str) -> bytes:
+    """Return the surfaces of the last state of a recording as a file of this ending."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"surface.{kind}"
+        export.save(path, recording, style=export.Style(surface=True))
+        return path.read_bytes()
 
 
 @dataclass(frozen=True)

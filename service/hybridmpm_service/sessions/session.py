@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.checking import Finding
 from hybridmpm.control import Led, Push
+from hybridmpm.recording import Recording
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import LeadRefusedError, ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.inputs import Goals, Origin, PushInput
@@ -447,6 +448,10 @@ class Session:
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""
         return await self._call(lambda: self._reported(self.simulation.particles()))
+
+    async def recording(self) -> Recording:
+        """Return a recording of the present state alone; errors as in `advance`."""
+        return await self._call(self.simulation.recording)
 
     async def force(self) -> CellMeans:
         """Return the force of sketch and hand in the next frame; errors as in `advance`."""

@@ -18,6 +18,7 @@ from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
 from hybridmpm.control import Led, Push, Sequence, restored
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
+from hybridmpm.recording import Recording, record
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import LeadRefusedError, PressureUnknownError
@@ -437,6 +438,10 @@ class Simulation:
             types=self._solver.materials,
             ids=self._solver.ids,
         )
+
+    def recording(self) -> Recording:
+        """Return a recording of the present state alone."""
+        return record(self._solver, 0)
 
     def force(self) -> CellMeans:
         """Return the force of sketch and hand in the next frame, in the mean over cells; nothing changes."""

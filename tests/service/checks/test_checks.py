@@ -2,10 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.service.conftest import SMALL_SCENE, problem
 
-from hybridmpm import Scene, check, plan, scenarios
+from hybridmpm import MeshObstacle, Scene, check, plan, scenarios
 from hybridmpm.client import Client
 from hybridmpm_service.http.answers import MOST_FINDINGS
 
@@ -150,3 +151,28 @@ def test_an_invalid_demand_is_refused(service: Any, body: dict[str, Any], said: 
     answer = service.http.post("/v1/plans", json=body)
     assert answer.status_code == 422
     assert said in answer.text
+
+
+@pytest.mark.needs("trimesh", "shapes")
+def test_shapes_of_files_are_fields_of_bodies_and_faults_are_named(service: Any) -> None:
+    import trimesh
+
+    def sent(data: str | bytes, **query: Any) -> Any:
+        return service.http.post("/v1/shapes", params={"height": 0.2} | query, content=data)
+
+    box = trimesh.creation.box((2, 1, 1))
+    shape = sent(box.export(file_type="stl"), kind="stl", y=0.4).json()
+    assert (shape["shape"], len(shape["vertices"]), len(shape["triangles"])) == ("mesh", 8, 12)
+    lower = MeshObstacle.model_validate(shape).bounds[0]
+    assert lower.tolist() == pytest.approx([0.3, 0.3, 0.4])
+    box.update_faces([True] * 11 + [False])
+    answer = sent(box.export(file_type="stl"), kind="stl")
+    assert "3 open edges" in problem(answer, 422)["detail"]
+    drawn = '<g transform="scale(2 1)"><rect width="3" height="4"/></g>'
+    found = sent(f'<svg xmlns="http://www.w3.org/2000/svg">{drawn}</svg>', kind="svg").json()
+    assert "triangles" not in found or found["triangles"] is None
+    assert np.ptp(np.array(found["vertices"]), axis=0).tolist() == pytest.approx([0.3, 0.2])
+    answer = sent('<!DOCTYPE a [<!ENTITY b "c">]><svg>&b;</svg>', kind="svg")
+    assert "entities" in problem(answer, 422)["detail"]
+    answer = sent("", kind="doc")
+    assert problem(answer, 422)["errors"][0]["field"] == "query.kind"

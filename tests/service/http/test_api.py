@@ -101,6 +101,23 @@ def test_particles_as_point_clouds(service: Any, path: str) -> None:
     assert f'NumberOfPoints="{count}"' in vtp.text
 
 
+@pytest.mark.needs("pysplashsurf", "surfaces")
+@pytest.mark.needs("trimesh", "shapes")
+def test_the_surface_of_a_session_is_a_closed_mesh(service: Any, path: str) -> None:
+    import trimesh
+
+    assert "3D" in problem(service.http.get(f"{path}/surface"), 422)["detail"]
+    ball = {"shape": "ball", "material": "water", "center": [0.5, 0.5, 0.5], "radius": 0.2}
+    body = {"scene": {"dim": 3, "resolution": 24, "bodies": [ball]}}
+    path = service.http.post("/v1/sessions", json=body).json()["links"]["self"]
+    for media_type, kind in (("model/gltf-binary", "glb"), ("application/x-ply", "ply")):
+        answer = service.http.get(f"{path}/surface", headers={"Accept": media_type})
+        assert answer.headers["content-type"] == media_type
+        mesh = trimesh.load_mesh(io.BytesIO(answer.content), file_type=kind)
+        assert mesh.is_watertight
+        assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
+
+
 def test_the_pressure_grows_with_depth(service: Any) -> None:
     pool = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.3]}
     body = {"scene": {"dim": 2, "resolution": 128, "bodies": [pool]}, "coarse": "1/16"}
