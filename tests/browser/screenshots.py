@@ -31,6 +31,7 @@ GALLERY_FRAMES = {
     "sand-and-water": 120,
     "jelly": 150,
     "viscous-liquids": 240,
+    "cascade": 700,
     "letters": 110,
     "dam-in-space": 127,
 }

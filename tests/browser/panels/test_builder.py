@@ -1,5 +1,6 @@
 """A scene made by hand: its things are placed by mouse, finger and keyboard, checked, and simulated."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -148,3 +149,31 @@ def test_faults_are_named_and_nothing_is_lost(open_page: Open, service: LiveServ
     scene = _simulated(visit, service)
     assert [body["shape"] for body in scene["bodies"]] == ["box", "ball"]
     assert scene["bodies"][1]["center"][0] == pytest.approx(0.75)
+
+
+def test_a_drawing_becomes_a_solid_or_a_body_and_a_bad_file_says_why(
+    open_page: Open, service: LiveService, tmp_path: Path
+) -> None:
+    visit = _builder(open_page)
+    ring = "M0 0H40V30H0Z M10 10V20H30V10Z"
+    for name, text in (
+        ("ring.svg", f'<svg xmlns="http://www.w3.org/2000/svg"><path d="{ring}"/></svg>'),
+        ("bad.svg", "no"),
+    ):
+        (tmp_path / name).write_text(text)
+    chosen = visit.page.locator("#build-chosen")
+    chosen.set_input_files(tmp_path / "bad.svg")
+    expect(visit.page.locator("#build-status")).to_contain_text("bad.svg is not read: ")
+    chosen.set_input_files(tmp_path / "ring.svg")
+    expect(_things(visit)).to_have_count(1)
+    visit.page.get_by_label("Height").fill("0.3")
+    visit.page.get_by_label("Height").press("Tab")
+    _press(visit, "water")
+    chosen.set_input_files(tmp_path / "ring.svg")
+    visit.page.get_by_label("Acts as").select_option("material")
+    visit.page.get_by_label("Material").select_option("elastic")
+    scene = _simulated(visit, service)
+    (solid,), (_, body) = scene["obstacles"], scene["bodies"]
+    heights = [y for _, y in solid["vertices"]]
+    assert max(heights) - min(heights) == pytest.approx(0.3, abs=0.002)
+    assert (body["shape"], body["material"]["kind"], len(body["vertices"])) == ("polygon", "elastic", 10)

@@ -1,7 +1,7 @@
 // Number fields of the chosen thing.
 
 import { byId, setText } from "../panels/dom.js";
-import { boundsOf, DIRECTIONS, directionOf, MATERIALS, materialOf, moved, nameOf, otherShape, resized, turned } from "./things.js";
+import { become, boundsOf, DIRECTIONS, directionOf, MATERIALS, materialOf, moved, nameOf, otherShape, resized, scaled, turned } from "./things.js";
 
 const LIMIT = { min: 0, max: 1, step: 0.01 };
 
@@ -46,6 +46,11 @@ function fieldsOf(thing, change) {
     fields.push(number("Radius", "m", record.radius, (radius) => change(resized(thing, "rim", [record.center[0] + radius, record.center[1]]))));
   } else if (record.thickness !== undefined) {
     fields.push(number("Thickness", "m", record.thickness, (thickness) => change({ ...thing, record: { ...record, thickness } })));
+  }
+  if (record.shape === "polygon") {
+    fields.push(number("Height", "m", upper[1] - lower[1], (height) => change(scaled(thing, height)), { ...LIMIT, min: 0.01 }));
+    const isSolid = part === "obstacles";
+    fields.push(choice("Acts as", { solid: "obstacle", material: "body" }, isSolid ? "solid" : "material", (what) => change(become(thing, what === "solid" ? "solid" : "water"))));
   }
   if (part === "bodies") {
     const velocity = record.velocity ?? [0, 0];

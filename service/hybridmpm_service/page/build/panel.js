@@ -11,6 +11,8 @@ import { freeRoom, indexIn, inWords, KINDS, made, nameOf } from "./things.js";
 const CHECK_MS = 700; // rest after a change before a check
 const FIRST_SIZE = 0.16; // m, of a thing that a button adds
 
+const SURFACES = ["stl", "obj", "ply", "glb"]; // endings of files for 3D
+
 const STORED = "hybridmpm.draft"; // name of the draft in the browser's storage
 
 const state = {
@@ -127,6 +129,32 @@ function add(name) {
   focusThing(picture(), draft.selected);
 }
 
+/** Add the shape in a drawing or a picture; that of a surface is simulated at once, for the picture here is flat. */
+async function addFile(file) {
+  const kind = file.name.split(".").at(-1).toLowerCase();
+  const [[left, bottom], [right, top]] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
+  setText("build-status", `${file.name} is being read.`);
+  try {
+    if (SURFACES.includes(kind)) {
+      const scene = spaceAround(await client.shape(file, kind, { height: 0.3, x: 0.5, y: 0.3, z: 0.5 }));
+      byId("builder").close();
+      state.parts.open({ scene });
+      return;
+    }
+    const { shape, vertices } = await client.shape(file, kind, { height: FIRST_SIZE, x: (left + right) / 2, y: (bottom + top) / 2 });
+    draft.add({ part: "obstacles", record: { shape, vertices } });
+    focusThing(picture(), draft.selected);
+  } catch (problem) {
+    setText("build-status", `${file.name} is not read: ${problem.detail}.`);
+  }
+}
+
+/** A scene in space in which water falls on a surface. */
+function spaceAround({ shape, vertices, triangles }) {
+  const water = { shape: "box", material: "water", lower: [0.25, 0.62, 0.25], upper: [0.75, 0.85, 0.75] };
+  return { name: "water on a surface", dim: 3, resolution: 40, bodies: [water], obstacles: [{ shape, vertices, triangles }] };
+}
+
 async function start() {
   clearTimeout(state.timer);
   const answer = await check();
@@ -165,6 +193,18 @@ function bind() {
   });
   byId("build-kinds").replaceChildren(...buttons);
   bindHands(picture(), { draft, view, kind: () => state.kind });
+  byId("build-file").addEventListener("click", () => byId("build-chosen").click());
+  byId("build-chosen").addEventListener("change", async ({ target }) => {
+    const [file] = target.files;
+    target.value = ""; // The same file may be chosen again.
+    if (file !== undefined) await addFile(file);
+  });
+  picture().addEventListener("dragover", (event) => event.preventDefault());
+  picture().addEventListener("drop", async (event) => {
+    event.preventDefault();
+    const [file] = event.dataTransfer.files;
+    if (file !== undefined) await addFile(file);
+  });
   byId("build-undo").addEventListener("click", () => draft.goBack());
   byId("build-delete").addEventListener("click", () => draft.remove());
   byId("build-empty").addEventListener("click", () => draft.begin(null));

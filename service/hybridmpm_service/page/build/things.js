@@ -180,6 +180,20 @@ export function resized(thing, handle, to) {
   return become(box(still[handle], at));
 }
 
+/** The same polygon with another height about its middle [m]. */
+export function scaled(thing, height) {
+  const [lower, upper] = boundsOf(thing);
+  const factor = height / (upper[1] - lower[1]);
+  const vertices = thing.record.vertices.map((p) => p.map((x, k) => inBox((lower[k] + upper[k]) / 2 + factor * (x - (lower[k] + upper[k]) / 2))));
+  return { ...thing, record: { ...thing.record, vertices } };
+}
+
+/** The same thing as a solid, by this name, or as a body of a material. */
+export function become({ record }, matter) {
+  const { material, velocity, contact, friction, motion, ...shape } = record;
+  return matter === "solid" ? { part: "obstacles", record: shape } : { part: "bodies", record: { ...shape, material: matter } };
+}
+
 /** The handle that the keyboard moves. */
 export const lastHandle = (thing) => ["end", "rim", "upper"].find((name) => name in handlesOf(thing));
 
