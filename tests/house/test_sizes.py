@@ -36,10 +36,11 @@ LIMITS = {
     # 45 lines make bodies of several outlines.
     # 265 lines are for bodies within surfaces of triangles.
     # 230 lines are for viscous liquids and their bounds.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_320),
+    # 195 lines are for obstacles of polygons and meshes, 195 for shapes in files and points of USD.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_730),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
-    "command line": (("python/hybridmpm/cli/**.py",), 2_930),
+    "command line": (("python/hybridmpm/cli/**.py",), 2_940),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
@@ -69,7 +70,8 @@ LIMITS = {
     # 30 lines show viewers the goals of sketches, and hands.
     # 90 lines write the types of the client in JavaScript, bound old frames, and let others read faults.
     # 100 lines trace texts and pictures.
-    "service": (("service/**.py",), 12_840),
+    # 125 lines read shapes of files, and answer surfaces.
+    "service": (("service/**.py",), 12_970),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -103,7 +105,8 @@ LIMITS = {
     # 200 lines let viscous liquids flow.
     # 170 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
     # 120 lines trace texts and pictures.
-    "tests": (("tests/**.py",), 37_070),
+    # 215 lines are for polygons and meshes as obstacles, and shapes in files.
+    "tests": (("tests/**.py",), 37_285),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -90,7 +90,7 @@ def test_what_encloses_nothing_or_is_of_another_dimension_is_refused() -> None:
     body = {"shape": "ball", "material": "water", "radius": 0.1}
     for dim, solid in ((2, ball([0.5, 0.5, 0.5], 0.1, 4)), (3, _box([0.2, 0.2], [0.4, 0.4]))):
         bodies = [body | {"center": [0.5] * dim}]
-        with pytest.raises(SceneError, match=r"obstacles\[0\].*2.*3|obstacles\[0\].*3.*2"):
+        with pytest.raises(SceneError, match=r"is for dim . only"):
             Scene.parse({"dim": dim, "bodies": bodies, "obstacles": [solid]})
 
 

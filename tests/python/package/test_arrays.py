@@ -41,6 +41,8 @@ ONE = np.linspace(0.5, 1.5, N, dtype=np.float32)
 WATER = _native.Material.water(density=1000.0, bulk_modulus=1e5)
 KIND = (np.arange(N) % 2).astype(np.uint8)
 BALL = _native.Obstacle.ball((0.5, 0.5), 0.2)
+SPACE = np.array([[0.2, 0.2, 0.2], [0.8, 0.2, 0.2], [0.2, 0.8, 0.2], [0.2, 0.2, 0.8]], dtype=np.float32)
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.uint32)
 LINES = {"lines": RNG.uniform(size=(12, 2)), "starts": np.array([0, 5, 12], dtype=np.uint32)}
 IDS = np.arange(N, dtype=np.uint64)
 GRAPH = _native.radius_graph(X, 0.2)
@@ -130,6 +132,14 @@ FORCE = RNG.normal(size=(3, N, 2)).astype(np.float32)
 WALLS = {"sites": X[:4], "jitter": np.zeros((3, 4, 2), dtype=np.float32)}
 NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
     "Obstacle.signed_distance": (BALL.signed_distance, {"x": X}),
+    "Obstacle.polygon": (
+        lambda vertices: _native.Obstacle.polygon(vertices).signed_distance(X),
+        {"vertices": X[:8]},
+    ),
+    "Obstacle.mesh": (
+        lambda vertices, triangles: _native.Obstacle.mesh(vertices, triangles).signed_distance(SPACE),
+        {"vertices": SPACE, "triangles": TETRAHEDRON},
+    ),
     "Obstacle.moved": (lambda x: BALL.moving(velocity=(0.1, 0.2)).moved(x, 0.5), {"x": X}),
     "Emitter.__new__": (_emitted, WALLS),
     "AccelerationHistory.push": (_pushed, {"x": X}),
