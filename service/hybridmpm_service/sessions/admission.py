@@ -14,7 +14,7 @@ from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
 """Estimate for a particle in a substep; on one core MPM takes 15 (2D water) to 43 ns (3D sand)."""
-_SHAPE_TESTS = {"segment": 1.5, "cylinder": 3.0}
+_SHAPE_TESTS = {"segment": 1.5, "cylinder": 3.0, "polygon": 3.0, "mesh": 5.0}
 """Cost of the distance to a shape that is not a ball or a box, in those; one of a ball takes about 10 ns."""
 _TESTS_PER_PARTICLE_SUBSTEP = 2.5
 """Tests that take as long as a particle in a substep."""
