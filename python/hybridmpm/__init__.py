@@ -44,7 +44,7 @@ from hybridmpm.errors import (
     TornBodyWarning,
     UnknownScenarioError,
 )
-from hybridmpm.mpm import MpmBatch, MpmSolver, Sleep
+from hybridmpm.mpm import MpmBatch, MpmSolver, RigidBodies, Sleep
 from hybridmpm.scene import (
     Ball,
     BallObstacle,
@@ -65,6 +65,10 @@ from hybridmpm.scene import (
     Polygon,
     PolygonObstacle,
     RectangularEmitter,
+    RigidBall,
+    RigidBox,
+    RigidCylinder,
+    RigidHull,
     RoundEmitter,
     Sand,
     Scene,
@@ -132,6 +136,11 @@ __all__ = [
     "RadiusGraph",
     "RectangularEmitter",
     "ReplayWarning",
+    "RigidBall",
+    "RigidBodies",
+    "RigidBox",
+    "RigidCylinder",
+    "RigidHull",
     "RoundEmitter",
     "RoundedWorldWarning",
     "Sand",

@@ -38,6 +38,7 @@ __all__ = [
     "Obstacle",
     "Outlines",
     "RadiusGraph",
+    "RigidBody",
     "SimulationError",
     "SnapshotError",
     "Solver",
@@ -365,6 +366,77 @@ class Obstacle:
         """Positions (N, D) [m] at a time [s] of points of the solid that are at `x` (N, D) [m] at time 0."""
 
 @final
+class RigidBody:
+    """A rigid body at the start, which the material moves and which moves it.
+
+    `rotation` [rad] and `angular_velocity` [rad/s] have one number in 2D, anticlockwise, and three in 3D.
+    `friction` and `restitution` [-] hold on walls, obstacles and other rigid bodies.
+    """
+
+    center: list[float]
+    """Centre of mass [m]."""
+    mass: float
+    """[kg], in 2D per metre of depth."""
+
+    @staticmethod
+    def ball(
+        center: Sequence[float],
+        radius: float,
+        *,
+        rotation: Sequence[float],
+        density: float,
+        velocity: Sequence[float],
+        angular_velocity: Sequence[float],
+        friction: float,
+        restitution: float,
+    ) -> RigidBody: ...
+    @staticmethod
+    def box(
+        lower: Sequence[float],
+        upper: Sequence[float],
+        *,
+        rotation: Sequence[float],
+        density: float,
+        velocity: Sequence[float],
+        angular_velocity: Sequence[float],
+        friction: float,
+        restitution: float,
+    ) -> RigidBody: ...
+    @staticmethod
+    def cylinder(
+        start: Sequence[float],
+        end: Sequence[float],
+        radius: float,
+        *,
+        rotation: Sequence[float],
+        density: float,
+        velocity: Sequence[float],
+        angular_velocity: Sequence[float],
+        friction: float,
+        restitution: float,
+    ) -> RigidBody: ...
+    @staticmethod
+    def hull(
+        points: Sequence[Sequence[float]],
+        *,
+        rotation: Sequence[float],
+        density: float,
+        velocity: Sequence[float],
+        angular_velocity: Sequence[float],
+        friction: float,
+        restitution: float,
+    ) -> RigidBody:
+        """Build the convex hull of some points."""
+
+    def signed_distance(
+        self, x: npt.NDArray[np.float32], *, within: float | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Distances (N,) of points (N, D) from the body at the start [m], negative inside.
+
+        `within` is as for obstacles; distances are exact whatever it is.
+        """
+
+@final
 class Emitter:
     """An opening that material leaves at a given velocity, in layers one spacing apart.
 
@@ -670,6 +742,7 @@ class Solver:
         wall_friction: float | Sequence[float | None] | None = None,
         materials: Sequence[Material],
         obstacles: Sequence[Obstacle] = (),
+        rigid: Sequence[RigidBody] = (),
         emitters: Sequence[Emitter] = (),
         sinks: Sequence[Obstacle] = (),
         max_particles: int | None = None,
@@ -707,6 +780,7 @@ class Solver:
         wall_friction : float >= 0, or 2 D of them, optional
             Coulomb coefficient of separating walls; None takes each material's own.
         materials : 1 to 255 materials
+        rigid : at most 200 RigidBody
         emitters : sequence of Emitter
             They act at the end of each frame, after the sinks.
         sinks : sequence of Obstacle
@@ -837,6 +911,18 @@ class Solver:
     @property
     def mass(self) -> npt.NDArray[np.float32]:
         """(N,) [kg]; a snapshot, read-only."""
+    @property
+    def rigid(self) -> npt.NDArray[np.float64]:
+        """Numbers (B, 13) of the rigid bodies; a snapshot, read-only.
+
+        Centre of mass [m], unit quaternion of the turn with the scalar first, velocity [m/s], angular
+        velocity [rad/s], each with the components in space.
+        """
+
+    @property
+    def rigid_energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy of the rigid bodies [J], in 2D per metre of depth."""
+
     @property
     def emitters(self) -> list[str]:
         """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""

@@ -88,7 +88,11 @@ class Simulator(ABC):
 
     def _picture(self, width: int) -> npt.NDArray[np.uint8]:
         view = notebook.view_for(self, self.scene, self.materials, width, self.particle_spacing)
-        return view.draw(self.positions, self.velocities, self.time)
+        return view.draw(self.positions, self.velocities, self.time, self.rigid_numbers())
+
+    def rigid_numbers(self) -> npt.NDArray[np.float64]:
+        """Return the numbers (B, 13) of the scene's rigid bodies, as `_core.Solver.rigid` has them."""
+        return np.empty((0, 13))
 
     @property
     @abstractmethod

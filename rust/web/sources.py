@@ -10,9 +10,13 @@ CRATES = Path(__file__).parents[1]
 
 
 def digest() -> str:
-    """Return the SHA-256 of names and contents of the sources of four crates, without their tests."""
+    """Return the SHA-256 of names and contents of the sources of five crates, without their tests."""
     total = hashlib.sha256()
-    files = [file for crate in ("guidance", "mpm", "threads", "web") for file in (CRATES / crate).rglob("*")]
+    files = [
+        file
+        for crate in ("guidance", "mpm", "rigid", "threads", "web")
+        for file in (CRATES / crate).rglob("*")
+    ]
     files = [file for file in files if "tests" not in file.relative_to(CRATES).parts]
     for file in sorted(file for file in files if file.suffix in {".rs", ".toml"}):
         name = file.relative_to(CRATES).as_posix().encode()

@@ -90,9 +90,10 @@ RUST = Path(__file__).parents[2] / "rust"
 DEPENDS_ON = {
     "bindings": {"guidance", "mpm", "neighbors", "neural", "threads"},
     "guidance": {"threads"},
-    "mpm": {"threads"},
+    "mpm": {"rigid", "threads"},
     "neighbors": {"threads"},
     "neural": set(),
+    "rigid": set(),
     "threads": set(),
     "web": {"guidance", "mpm"},
 }

@@ -13,6 +13,10 @@ from hybridmpm.scene.world import rounded_up
 
 CHOKED = 0.7
 """Share of a flow below which a gap is a finding [-]."""
+RIGID_CELLS = 4.0
+"""Smallest extent of a rigid body that is no finding [cells]."""
+LIGHTEST_CELLS = 0.5
+"""Smallest mass of a rigid body that is no finding, in grid cells of the heaviest material."""
 _SMALL = 0.01
 """Largest overlap of a body that is no finding, as a share of its volume."""
 _SAMPLES = 20_000
@@ -31,6 +35,8 @@ def of_geometry(scene: Scene) -> Iterator[Finding]:
     yield from _thin_obstacles(scene)
     yield from _thin_bodies(scene)
     yield from _crossing_meshes(scene)
+    yield from _thin_rigid_bodies(scene)
+    yield from _light_rigid_bodies(scene)
     yield from _narrow_gaps(scene)
     yield from _taken(scene)
 
@@ -80,6 +86,34 @@ def _crossing_meshes(scene: Scene) -> Iterator[Finding]:
                 problem=f"has triangles that cross near ({', '.join(f'{x:.3g}' for x in place)}) m, so that "
                 "inside and outside may be wrong there",
                 advice="unite its parts to one closed surface in a modelling program",
+            )
+
+
+def _thin_rigid_bodies(scene: Scene) -> Iterator[Finding]:
+    for index, body in enumerate(scene.rigid):
+        thickness = body.smallest_extent
+        if thickness < RIGID_CELLS * scene.dx * (1 - 1e-9):
+            yield Finding(
+                severity="warning",
+                field=f"rigid[{index}]",
+                problem=f"is {thickness:.3g} m thin, less than {RIGID_CELLS:g} cells of {scene.dx:.3g} m, so "
+                "it floats by some percent too high or too deep",
+                advice=f"make it at least {RIGID_CELLS * scene.dx:.3g} m thick, or raise the resolution",
+            )
+
+
+def _light_rigid_bodies(scene: Scene) -> Iterator[Finding]:
+    heaviest = max((material.density for material in scene.materials), default=0.0)
+    needed = LIGHTEST_CELLS * heaviest * scene.dx**scene.dim
+    for index, body in enumerate(scene.rigid):
+        if body.mass < needed * (1 - 1e-9):
+            yield Finding(
+                severity="warning",
+                field=f"rigid[{index}]",
+                problem=f"weighs {body.mass:.3g} kg, less than {LIGHTEST_CELLS:g} grid cells of the material "
+                f"around it, {needed:.3g} kg, so single particles may throw it about",
+                advice=f"raise its density to {body.density * needed / body.mass:.3g} kg/m^3, make it "
+                "larger, or raise the resolution",
             )
 
 

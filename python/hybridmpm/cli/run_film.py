@@ -32,10 +32,14 @@ class RunFilm:
         ]
 
     def draw(
-        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        time: float = 0.0,
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]; see `View.draw`."""
-        picture = self._view.draw(x, v, time)
+        picture = self._view.draw(x, v, time, rigid)
         frame = round(time / self._frame_dt)
         for first, last, raster in self._led:
             if first <= frame < last:

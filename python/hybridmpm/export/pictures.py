@@ -128,4 +128,4 @@ def _film(
 
 
 def _draw(view: View, recording: Recording, row: int) -> npt.NDArray[np.uint8]:
-    return view.draw(recording.positions[row], recording.velocities[row], recording.time(row))
+    return recording.picture(view, row)

@@ -45,6 +45,7 @@ def native_solver(
         wall_friction=[friction for _, friction in scene.walls.surfaces],
         materials=[material.to_native(scene.potential_drop) for material in materials],
         obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
+        rigid=[body.to_native() for body in scene.rigid],
         emitters=native_emitters(scene, level.r_p),
         sinks=[sink.to_native() for sink in scene.sinks],
         # The limit of the scene's own particles, in particles of this size.

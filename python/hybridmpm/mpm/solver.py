@@ -28,6 +28,7 @@ from hybridmpm.errors import (
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import native_solver, upsampler_of
 from hybridmpm.mpm.cost import costly_materials
+from hybridmpm.mpm.rigid import RigidBodies
 from hybridmpm.mpm.scene_warnings import soft_materials
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.stepper import MpmStepper
@@ -133,6 +134,8 @@ class MpmSolver(CoarseSimulator):
             raise ConfigError(f"sleep must be Sleep(...), or None where nothing may sleep, got {sleep!r}")
         self._sleep = sleep
         self._allow_unstable = allow_unstable
+        if coarse is not None or show_all:
+            scene.refuse_rigid("coarse mode is")
         if coarse is None:
             self._level = CoarseLevel.unfitted(scene, r_p)
         else:
@@ -289,6 +292,21 @@ class MpmSolver(CoarseSimulator):
             solids = 2 * self.dim + len(self._scene.obstacles)
             return np.full((solids, 3 * (self.dim - 1)), np.nan)
         return self.last_frame.forces
+
+    @property
+    def rigid_bodies(self) -> RigidBodies:
+        """The B rigid bodies of the scene as they are now; a snapshot, read-only."""
+        return RigidBodies.of(self._solver.rigid, self.dim)
+
+    def rigid_numbers(self) -> npt.NDArray[np.float64]:
+        """Return the numbers (B, 13) of the rigid bodies; see `Simulator.rigid_numbers`."""
+        return self._solver.rigid
+
+    @property
+    def rigid_energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy of the rigid bodies [J], in 2D per metre of depth."""
+        kinetic, potential = self._solver.rigid_energy
+        return kinetic, potential
 
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:

@@ -115,6 +115,7 @@ def play(
         raise ConfigError(
             f"a page plays a Scene or an MpmSolver, got {type(source).__name__}: networks run on servers only"
         )
+    solver.scene.refuse_rigid("playing files are")
     for probe in (probes or {}).values():
         checked_probe(probe).check(solver.scene)
     about = _about(solver, probes or {})

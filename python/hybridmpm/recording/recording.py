@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.recording.tracks import Tracks
-from hybridmpm.render import notebook, side_by_side, view_of
+from hybridmpm.render import View, notebook, side_by_side, view_of
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Simulator, checked_simulator
 
@@ -44,6 +44,12 @@ class Recording:
     """Velocities (F, N, D) [m/s]."""
     spacing: float | None = None
     """Distance of the particles at rest [m]; None: that of the scene."""
+    rigid: npt.NDArray[np.float64] | None = None
+    """Numbers (F, B, 13) of the scene's B rigid bodies; None where it has none.
+
+    Centre of mass [m], unit quaternion of the turn with the scalar first, velocity [m/s], angular velocity
+    [rad/s], each with the components in space.
+    """
 
     def __repr__(self) -> str:
         states = f"{len(self.frames)} states from frame {self.frames[0]} to {self.frames[-1]}"
@@ -52,8 +58,13 @@ class Recording:
     def _repr_html_(self) -> str:
         rows = np.unique(np.linspace(0, len(self.frames) - 1, _IN_A_ROW).round().astype(int))
         view = view_of(self.scene, self.types, notebook.WIDTH // 2, self.spacing)
-        pictures = [view.draw(self.positions[row], self.velocities[row], self.time(row)) for row in rows]
+        pictures = [self.picture(view, row) for row in rows.tolist()]
         return notebook.figure(side_by_side(pictures), repr(self))
+
+    def picture(self, view: View, row: int) -> npt.NDArray[np.uint8]:
+        """Draw a state by a view of the scene; see `View.draw`."""
+        rigid = None if self.rigid is None else self.rigid[row]
+        return view.draw(self.positions[row], self.velocities[row], self.time(row), rigid)
 
     def present(self, row: int) -> npt.NDArray[np.bool_]:
         """Return whether each particle (N,) is in the scene at a state."""
@@ -102,6 +113,7 @@ def record(
     check_size(len(stops), solver.particle_count, solver.dim)
     tracks = Tracks(solver, len(stops), "positions", "velocities")
     first = solver.frame
+    rigid = np.empty((len(stops), len(solver.scene.rigid), 13))
     for row, stop in enumerate(stops):
         while solver.frame < first + stop:
             step = min(first + stop - solver.frame, _AT_ONCE)
@@ -112,6 +124,7 @@ def record(
             if on_progress is not None:
                 on_progress(step)
         tracks.take(row)
+        rigid[row] = solver.rigid_numbers()
         check_size(len(stops), len(tracks.ids), solver.dim)
     return Recording(
         scene=solver.scene,
@@ -122,6 +135,7 @@ def record(
         positions=tracks["positions"],
         velocities=tracks["velocities"],
         spacing=solver.particle_spacing,
+        rigid=rigid if solver.scene.rigid else None,
     )
 
 

@@ -21,11 +21,16 @@ class View(Protocol):
     """Draws states of one scene as pictures of one size, whose height and width are even."""
 
     def draw(
-        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        time: float = 0.0,
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s] as a picture, uint8 (H, W, 3).
 
-        Particles whose position is NaN are left out. Moving obstacles are drawn where they are at `time` [s].
+        Particles whose position is NaN are left out. Moving obstacles are drawn where they are at `time` [s],
+        rigid bodies by their numbers (B, 13), see `Recording.rigid`.
         """
 
 

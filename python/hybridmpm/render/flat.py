@@ -15,6 +15,8 @@ _SUPERSAMPLING = 3
 _EDGE = 2.0
 """Width of the lines around walls and obstacles [pixels]."""
 Field = npt.NDArray[np.float32]
+_OBSTACLE = (palette.OBSTACLE, palette.OBSTACLE_EDGE)
+_RIGID = (palette.RIGID, palette.RIGID_EDGE)
 
 
 class FlatView:
@@ -47,10 +49,15 @@ class FlatView:
         self._grain = np.random.default_rng(0).uniform(-1.0, 1.0, len(types)).astype(np.float32)
         still = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
         self._moving = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is not None]
+        self._rigid = [body.to_native() for body in scene.rigid]
         self._background, self._solid = self._draw_background([solid.to_native() for solid in still])
 
     def draw(
-        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        time: float = 0.0,
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draw particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]; see `View.draw`."""
         image = self._background
@@ -60,17 +67,23 @@ class FlatView:
             members = everybody[there[everybody]]
             image = self._draw_material(image, kind, x[members], speed[members], self._grain[members])
         for solid in self._moving:
-            image = self._draw_moving(image, solid, time)
+            image = self._draw_solid(image, solid.signed_distance(self._centers(), time), _OBSTACLE)
+        if rigid is not None:
+            for body, native, numbers in zip(self._scene.rigid, self._rigid, rigid, strict=True):
+                own = body.at_start(self._centers().astype(np.float64), numbers).astype(np.float32)
+                image = self._draw_solid(image, native.signed_distance(own), _RIGID)
         return palette.to_bytes(palette.mix(image, self._background, self._solid))
 
-    def _draw_moving(self, image: Colors, solid: Obstacle, time: float) -> Colors:
-        """Draw a moving obstacle; its distance from a pixel's centre gives how far it covers the pixel."""
+    def _centers(self) -> Field:
+        """Return the centres (H * W, 2) of the pixels [m]."""
         columns, rows = np.arange(self._width) + 0.5, np.arange(self._height)[::-1] + 0.5
         x = self._origin + np.stack(np.meshgrid(columns, rows), axis=-1) / self._scale
-        depth = -solid.signed_distance(x.reshape(-1, 2).astype(np.float32), time) * self._scale
-        depth = depth.reshape(self._height, self._width)
-        body = np.broadcast_to(palette.OBSTACLE, image.shape)
-        edge = np.broadcast_to(palette.OBSTACLE_EDGE, image.shape)
+        return x.reshape(-1, 2).astype(np.float32)
+
+    def _draw_solid(self, image: Colors, distance: Field, colors: tuple[Field, Field]) -> Colors:
+        """Draw a solid; its distance from a pixel's centre gives how far it covers the pixel."""
+        depth = -distance.reshape(self._height, self._width) * self._scale
+        body, edge = (np.broadcast_to(color, image.shape) for color in colors)
         surface = palette.mix(edge, body, np.clip(depth - _EDGE + 0.5, 0.0, 1.0))
         return palette.mix(image, surface, np.clip(depth + 0.5, 0.0, 1.0))
 

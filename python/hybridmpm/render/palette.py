@@ -12,6 +12,8 @@ OUTSIDE = np.array([0.022, 0.034, 0.070], dtype=np.float32)
 WALL = np.array([0.30, 0.38, 0.52], dtype=np.float32)
 OBSTACLE = np.array([0.40, 0.45, 0.55], dtype=np.float32)
 OBSTACLE_EDGE = np.array([0.62, 0.68, 0.78], dtype=np.float32)
+RIGID = np.array([0.72, 0.46, 0.24], dtype=np.float32)
+RIGID_EDGE = np.array([0.90, 0.66, 0.40], dtype=np.float32)
 
 FAST = 2.5
 """Speed [m/s] from which on particles have the brightest colour."""

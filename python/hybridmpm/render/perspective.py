@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._core import Obstacle
+from hybridmpm._core import Obstacle, RigidBody
 from hybridmpm.render import palette
 from hybridmpm.render.palette import Colors
 from hybridmpm.scene import Scene
@@ -47,12 +47,18 @@ class PerspectiveView:
         lattice = self._lattice(scene.spacing)
         self._shell_radius = 0.8 * scene.spacing
         self._moving = [(solid, _shell(solid, lattice, scene.spacing)) for solid in moving]
+        self._scene = scene
+        self._rigid = [_shell(body.to_native(), lattice, scene.spacing) for body in scene.rigid]
         self._still_shells = [_shell(solid, lattice, scene.spacing) for solid in still]
         self._edges = _box_edges(self._lower, self._upper).astype(np.float32)
         self._background, self._floor = self._draw_background()
 
     def draw(
-        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        time: float = 0.0,
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draw particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]; see `View.draw`."""
         there = np.isfinite(x[:, 0])
@@ -64,10 +70,12 @@ class PerspectiveView:
             color[members] = palette.by_speed(int(kind), speed[members])
         image = self._background * self._shade_of(x)[..., None]
         shells = np.concatenate([x[:0], *self._still_shells, *self._moved_shells(time)])
+        bodies = np.concatenate([x[:0], *self._body_shells(rigid)])
         kinds = (
             (x, self._radius, color),
             (self._edges, _EDGE_RADIUS, np.tile(palette.WALL, (len(self._edges), 1))),
             (shells, self._shell_radius, np.tile(palette.OBSTACLE, (len(shells), 1))),
+            (bodies, self._shell_radius, np.tile(palette.RIGID, (len(bodies), 1))),
         )
         image = self._draw_spheres(
             image.reshape(-1, 3),
@@ -124,6 +132,15 @@ class PerspectiveView:
         moved = [solid.moved(shell, time) for solid, shell in self._moving]
         return [x[((x >= self._lower) & (x <= self._upper)).all(axis=1)] for x in moved]
 
+    def _body_shells(self, rigid: npt.NDArray[np.float64] | None) -> list[Field]:
+        """Return the surface points of each rigid body with its numbers."""
+        if rigid is None:
+            return []
+        pairs = zip(self._scene.rigid, self._rigid, rigid, strict=True)
+        return [
+            body.moved(shell.astype(np.float64), numbers).astype(np.float32) for body, shell, numbers in pairs
+        ]
+
     def _draw_background(self) -> tuple[Colors, npt.NDArray[np.int64]]:
         """Return the picture of sky and floor, and the shadow cell of each pixel, -1 beside the floor."""
         i, j = np.mgrid[0 : self._height, 0 : self._width]
@@ -166,7 +183,7 @@ class PerspectiveView:
         return np.asarray(light[self._floor])
 
 
-def _shell(solid: Obstacle, lattice: Field, step: float) -> Field:
+def _shell(solid: Obstacle | RigidBody, lattice: Field, step: float) -> Field:
     """Return the points of a lattice just under the surface of a solid at time 0."""
     distance = solid.signed_distance(lattice)
     return lattice[(distance <= 0) & (distance > -1.5 * step)]

@@ -24,6 +24,7 @@ from hybridmpm.scene.openings import (
     RoundEmitter,
     Sink,
 )
+from hybridmpm.scene.rigid import RigidBall, RigidBody, RigidBox, RigidCylinder, RigidHull
 from hybridmpm.scene.sampling import Particles
 from hybridmpm.scene.scene import Scene
 from hybridmpm.scene.walls import Wall, WallFaces, Walls
@@ -55,6 +56,11 @@ __all__ = [
     "Polygon",
     "PolygonObstacle",
     "RectangularEmitter",
+    "RigidBall",
+    "RigidBody",
+    "RigidBox",
+    "RigidCylinder",
+    "RigidHull",
     "RoundEmitter",
     "Sand",
     "Scene",

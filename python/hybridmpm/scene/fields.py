@@ -193,7 +193,7 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a 
     return fault["msg"].removeprefix("Value error, ")
 
 
-_TAGGED = ("bodies[", "obstacles[", "emitters[", "sinks[")
+_TAGGED = ("bodies[", "obstacles[", "rigid[", "emitters[", "sinks[")
 
 
 def _path(location: tuple[str | int, ...]) -> str:

@@ -8,7 +8,7 @@ from hybridmpm import _core
 from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, raise_faults
 
 _TurnRate = Annotated[float, Range(-1000, 1000, "rad/s")]
-_AngularVelocity = Annotated[
+AngularVelocity = Annotated[
     Annotated[_TurnRate, Tag("number")] | Annotated[tuple[_TurnRate, _TurnRate, _TurnRate], Tag("vector")],
     Discriminator(lambda value: "vector" if isinstance(value, list | tuple) else "number"),
 ]
@@ -28,7 +28,7 @@ class Motion(Record):
         description="Velocity of the obstacle, D numbers [m/s]; zero if absent. For a swing, its largest "
         "velocity.",
     )
-    angular_velocity: _AngularVelocity | None = Field(
+    angular_velocity: AngularVelocity | None = Field(
         None,
         description="Angular velocity of the obstacle [rad/s], in 2D one number, positive anticlockwise, in "
         "3D three; zero if absent. For a swing, its largest angular velocity.",

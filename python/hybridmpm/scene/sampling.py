@@ -20,6 +20,7 @@ from hybridmpm.scene.bodies import Ball, Body
 from hybridmpm.scene.fields import Points
 from hybridmpm.scene.materials import Elastic, Material
 from hybridmpm.scene.obstacles import Obstacle
+from hybridmpm.scene.rigid import RigidBody
 from hybridmpm.scene.walls import Walls
 
 JITTER = 0.25
@@ -37,6 +38,9 @@ _SITES_AT_ONCE = 100_000
 _PARTS = 4
 _FEWEST_PARTS = {2: 64, 3: 24}
 """Parts of a site along each axis, and the fewest of a body, to measure what others leave of it."""
+
+
+_Solid = _core.Obstacle | _core.RigidBody
 
 
 class Fillable(Protocol):
@@ -57,6 +61,10 @@ class Fillable(Protocol):
     @property
     def obstacles(self) -> Sequence[Obstacle]:
         """Obstacles, which hold no particles."""
+
+    @property
+    def rigid(self) -> Sequence[RigidBody]:
+        """Rigid bodies, which hold no particles."""
 
     @property
     def walls(self) -> Walls:
@@ -103,7 +111,7 @@ def sample(scene: Fillable) -> Particles:
     """
     positions: list[npt.NDArray[np.float32]] = []
     volumes: list[float] = []
-    solids = [obstacle.to_native() for obstacle in scene.obstacles]
+    solids: list[_Solid] = [part.to_native() for part in (*scene.obstacles, *scene.rigid)]
     bounds = np.array([body.bounds for body in scene.bodies]).reshape(-1, 2, scene.dim)
     for index, body in enumerate(scene.bodies):
         lattice = _Lattice.of(scene, index, solids, bounds)
@@ -156,7 +164,7 @@ class _Lattice:
     """Numbers of sites (D,)."""
     walls: tuple[Points, Points]
     """Corners (D,) [m] of the box that contains all particles."""
-    solids: list[_core.Obstacle]
+    solids: list[_Solid]
     """Obstacles that may reach into the body."""
     reach: float
     """Distance from solids up to which it matters how far they are [m]."""
@@ -164,9 +172,7 @@ class _Lattice:
     """Bodies that come before it and may reach into it."""
 
     @classmethod
-    def of(
-        cls, scene: Fillable, index: int, solids: list[_core.Obstacle], bounds: npt.NDArray[np.float64]
-    ) -> Self:
+    def of(cls, scene: Fillable, index: int, solids: list[_Solid], bounds: npt.NDArray[np.float64]) -> Self:
         """Return the lattice of the body with this index, of all solids and all bodies' bounds (n, 2, D)."""
         body = scene.bodies[index]
         lower, upper = bounds[index]

@@ -13,7 +13,7 @@ import yaml
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from hybridmpm._support.files import replacing
-from hybridmpm.errors import SceneError
+from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.scene import files, plain_data
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.drawing import svg
@@ -21,6 +21,7 @@ from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, 
 from hybridmpm.scene.materials import Fluid, Friction, Material
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
+from hybridmpm.scene.rigid import MOST_BODIES, RigidBody
 from hybridmpm.scene.sampling import Particles, sample
 from hybridmpm.scene.walls import Walls
 from hybridmpm.scene.world import World, cells_of, grid_faults, outside
@@ -41,6 +42,8 @@ _ROUNDING = 1e-9
 """Length [m] by which bounds may reach past a wall: a ball that just touches it does so by rounding."""
 MIN_CELLS_BETWEEN_WALLS = 4
 """Smallest distance [cells] of opposite walls, so that no grid node interacts with both."""
+_GROUPS = ("bodies", "obstacles", "rigid", "emitters", "sinks")
+"""Fields that list parts of a scene."""
 _SHAPES_OF_ONE_DIMENSION = {
     ("bodies", "polygon"): (2, "box, ball, cylinder and mesh"),
     ("bodies", "cylinder"): (3, "box, ball and polygon"),
@@ -48,6 +51,7 @@ _SHAPES_OF_ONE_DIMENSION = {
     ("obstacles", "polygon"): (2, "segment, box, ball, cylinder, half_space and mesh"),
     ("obstacles", "cylinder"): (3, "segment, box, ball, half_space and polygon"),
     ("obstacles", "mesh"): (3, "segment, box, ball, half_space and polygon"),
+    ("rigid", "cylinder"): (3, "box, ball and hull"),
 }
 """The dimension of shapes that have only one, and the shapes of the other dimension."""
 
@@ -110,6 +114,9 @@ class Scene(Record):
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = Field(
         (), description="Solids in the way of the material."
     )
+    rigid: Annotated[tuple[RigidBody, ...], Field(max_length=MOST_BODIES)] = Field(
+        (), description="Rigid bodies, which the material moves and which move it."
+    )
     emitters: Annotated[tuple[Emitter, ...], Field(max_length=100)] = Field(
         (), description="Openings through which material comes into the scene."
     )
@@ -150,6 +157,7 @@ class Scene(Record):
         raise_faults("Scene", self._dimension_faults())
         raise_faults("Scene", self._world_faults())
         raise_faults("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
+        raise_faults("Scene", self._rigid_faults())
         return self
 
     def _dimension_faults(self) -> list[Fault]:
@@ -160,7 +168,7 @@ class Scene(Record):
             *([] if self.world is None else [(("world", "size"), self.world.size)]),
         ]
         faults: list[Fault] = []
-        for group in ("bodies", "obstacles", "emitters", "sinks"):
+        for group in _GROUPS:
             for i, part in enumerate(getattr(self, group)):
                 where = (group, i, part.shape)
                 vectors += [((*where, field), value) for field, value in part.vector_fields().items()]
@@ -174,6 +182,9 @@ class Scene(Record):
                 faults += [
                     (("obstacles", i, obstacle.shape, "motion", *field), text) for field, text in wrong
                 ]
+        for i, body in enumerate(self.rigid):
+            wrong = body.dimension_faults(self.dim)
+            faults += [(("rigid", i, body.shape, *field), text) for field, text in wrong]
         return faults + [
             (where, f"must have dim = {self.dim} numbers, got {len(vector)}")
             for where, vector in vectors
@@ -182,7 +193,7 @@ class Scene(Record):
 
     def _world_faults(self) -> list[Fault]:
         parts: list[tuple[tuple[str | int, ...], Record]] = [(("walls",), self.walls)]
-        for group in ("bodies", "obstacles", "emitters", "sinks"):
+        for group in _GROUPS:
             parts += [((group, i, part.shape), part) for i, part in enumerate(getattr(self, group))]
         found = ((start, outside(part, self.size)) for start, part in parts)
         return [((*start, *where), text) for start, faults in found for where, text in faults]
@@ -218,6 +229,23 @@ class Scene(Record):
             faults.append((("bodies",), f"need about {needed:.0f} particles, allowed are {allowed}"))
         return faults
 
+    def _rigid_faults(self) -> list[Fault]:
+        faults: list[Fault] = []
+        for i, body in enumerate(self.rigid):
+            lower, upper = body.bounds
+            room_lower, room_upper = np.array(self.walls.lower), np.array(self.walls.upper)
+            # A body that rests on a wall may overlap it by what contacts leave.
+            slack = _ROUNDING + 1e-3 * body.smallest_extent
+            if (lower < room_lower - slack).any() or (upper > room_upper + slack).any():
+                room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
+                text = f"must lie inside the walls, {room} m, but spans {span} m"
+                faults.append((("rigid", i, body.shape), text))
+        for i, obstacle in enumerate(self.obstacles):
+            if self.rigid and obstacle.shape in ("polygon", "mesh"):
+                text = "is not met by rigid bodies: make it of boxes, balls, cylinders and segments"
+                faults.append((("obstacles", i, obstacle.shape), text))
+        return faults
+
     def _emitter_faults(self) -> list[Fault]:
         faults: list[Fault] = []
         for i, emitter in enumerate(self.emitters):
@@ -248,7 +276,9 @@ class Scene(Record):
         return self.name or f"{self.dim}D scene"
 
     def __repr__(self) -> str:
-        counts = {name: len(getattr(self, name)) for name in ("bodies", "obstacles", "emitters", "sinks")}
+        counts = {
+            name: len(getattr(self, name)) for name in ("bodies", "obstacles", "rigid", "emitters", "sinks")
+        }
         parts = [f"{name}: {count}" for name, count in counts.items() if count]
         materials = " and ".join(dict.fromkeys(material.kind for material in self.materials))
         return f"Scene({', '.join([self.title, f'{self.dim}D', materials, *parts])})"
@@ -256,10 +286,19 @@ class Scene(Record):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        drawing = svg(self.walls, self.bodies, self.obstacles, (*self.emitters, *self.sinks), 320)
+        openings = (*self.emitters, *self.sinks)
+        drawing = svg(self.walls, self.bodies, (*self.obstacles, *self.rigid), openings, 320)
         return (
             f'<figure style="margin: 0">{drawing}<figcaption>{html.escape(repr(self))}</figcaption></figure>'
         )
+
+    def refuse_rigid(self, what: str) -> None:
+        """Refuse a scene with rigid bodies, by a ConfigError, for what does not know them."""
+        if self.rigid:
+            raise ConfigError(
+                f"{what} not made for rigid bodies yet, and the scene has {len(self.rigid)}: remove `rigid`, "
+                "or use MpmSolver(scene)"
+            )
 
     @property
     def is_open(self) -> bool:

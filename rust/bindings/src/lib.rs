@@ -108,6 +108,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     error::register(module)?;
     module.add_class::<scene::PyMaterial>()?;
     module.add_class::<scene::PyObstacle>()?;
+    module.add_class::<scene::PyRigidBody>()?;
     module.add_class::<scene::PyEmitter>()?;
     module.add_class::<solver::PyDiagnostics>()?;
     module.add_class::<solver::PyFrameReport>()?;

@@ -6,6 +6,7 @@ use crate::linalg::{Vector, each_axis};
 use crate::material::Material;
 use crate::openings::Openings;
 use crate::particles::Sleep;
+use crate::rigid::{MOST_BODIES, RigidBody};
 use crate::substep::Substeps;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +30,8 @@ pub struct SolverSettings<const D: usize> {
     /// 1 to 255 materials.
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
+    /// At most `MOST_BODIES`.
+    pub rigid: Vec<RigidBody<D>>,
     pub openings: Openings<D>,
     pub substeps: Substeps,
     /// Whether regions at rest may sleep; None for the ground truth.
@@ -114,6 +117,17 @@ impl<const D: usize> SolverSettings<D> {
             sleep.check()?;
         }
         self.walls.check(1.0 / self.resolution as f32, self.cells)?;
+        if self.rigid.len() > MOST_BODIES {
+            let allowed = "at most 200 bodies";
+            return Err(MpmError::parameter("rigid", allowed, self.rigid.len()));
+        }
+        let is_surface = |obstacle: &Obstacle<D>| matches!(obstacle.shape, Shape::Surface(_));
+        if !self.rigid.is_empty() && self.obstacles.iter().any(is_surface) {
+            let allowed = "without polygons and meshes where there are rigid bodies";
+            return Err(MpmError::parameter("obstacles", allowed, "some"));
+        }
+        let mut bodies = self.rigid.iter().enumerate();
+        bodies.try_for_each(|(number, body)| body.check(number, &self.walls))?;
         let openings = &self.openings;
         openings.sinks.iter().try_for_each(Shape::check)?;
         let mut numbered = openings.emitters.iter().enumerate();

@@ -40,6 +40,7 @@ pub(crate) fn encode<const D: usize>(
         });
     }
     write_population(&state.population, &mut out);
+    write_bodies(&state.rigid, &mut out);
     let checksum = fnv1a(&out);
     out.extend_from_slice(&checksum.to_le_bytes());
     out
@@ -88,12 +89,16 @@ pub(crate) fn decode<const D: usize>(
         max_speed: reader.f32(),
         groups: present.groups.clone(),
         population: present.population.clone(),
+        rigid: present.rigid.clone(),
     };
     let other = || refuse("it belongs to a scene with other particles".into());
     for group in &mut state.groups {
         with_group!(group, group => read_group(group, &mut reader, settings.openings.any()).ok_or_else(other)?);
     }
     state.population = read_population(&state.population, &mut reader).ok_or_else(other)?;
+    if !state.rigid.bodies.is_empty() {
+        read_bodies(&mut state.rigid, &mut reader).ok_or_else(other)?;
+    }
     if !reader.rest.is_empty() || !is_numbered(&state) {
         return Err(other());
     }
@@ -151,6 +156,70 @@ pub(crate) fn read_population(present: &Population, reader: &mut Reader<'_>) -> 
             })
             .collect::<Option<_>>()?,
     })
+}
+
+/// Writes the rigid bodies; nothing where there are none.
+fn write_bodies(state: &rigid::State, out: &mut Vec<u8>) {
+    if state.bodies.is_empty() {
+        return;
+    }
+    for number in state.bodies.iter().flat_map(numbers_of) {
+        out.extend_from_slice(&number.to_le_bytes());
+    }
+    out.extend_from_slice(&(state.kept.len() as u32).to_le_bytes());
+    for kept in &state.kept {
+        (kept.key.iter()).for_each(|part| out.extend_from_slice(&part.to_le_bytes()));
+        (kept.impulse.iter()).for_each(|part| out.extend_from_slice(&part.to_le_bytes()));
+    }
+}
+
+fn numbers_of(moving: &rigid::Moving) -> Vec<f64> {
+    let turn = moving.placed.turn.quaternion();
+    let vectors = [
+        moving.placed.x,
+        moving.v,
+        moving.w,
+        moving.support.v,
+        moving.support.w,
+    ];
+    let vectors = vectors.into_iter().flat_map(|v| [v.x, v.y, v.z]);
+    [turn.w, turn.i, turn.j, turn.k]
+        .into_iter()
+        .chain(vectors)
+        .collect()
+}
+
+/// Reads as many bodies as there are; None if there are more contacts than bytes.
+fn read_bodies(state: &mut rigid::State, reader: &mut Reader<'_>) -> Option<()> {
+    for moving in &mut state.bodies {
+        let [w, i, j, k] = [(); 4].map(|()| reader.f64());
+        let turn = rigid::Rotation::new_unchecked(nalgebra::Quaternion::new(w, i, j, k));
+        let mut vector = || {
+            let [x, y, z] = [(); 3].map(|()| reader.f64());
+            rigid::Vector3::new(x, y, z)
+        };
+        let x = vector();
+        *moving = rigid::Moving {
+            placed: rigid::Placed { x, turn },
+            v: vector(),
+            w: vector(),
+            support: rigid::Rates {
+                v: vector(),
+                w: vector(),
+            },
+        };
+    }
+    let count = reader.u32() as usize;
+    if count > reader.rest.len() {
+        return None;
+    }
+    state.kept = (0..count)
+        .map(|_| rigid::Kept {
+            key: [(); 4].map(|()| reader.u32()),
+            impulse: [(); 3].map(|()| reader.f64()),
+        })
+        .collect();
+    Some(())
 }
 
 /// Reads the particles of a group. None where it has another size than the present one, or ids that this one lacks;
@@ -221,6 +290,7 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
         transfer_loss,
         materials,
         obstacles,
+        rigid,
         openings,
         sleep,
         ..
@@ -240,7 +310,13 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
     };
     // The same for scenes that lose deviations in each substep.
     let of_loss = transfer_loss.map_or(String::new(), |rate| format!(" loss {rate:?}"));
-    fnv1a((text + &of_world + &of_loss).as_bytes())
+    // The same for scenes without rigid bodies.
+    let of_bodies = if rigid.is_empty() {
+        String::new()
+    } else {
+        format!(" rigid {rigid:?}")
+    };
+    fnv1a((text + &of_world + &of_loss + &of_bodies).as_bytes())
 }
 
 pub(crate) fn fnv1a(bytes: &[u8]) -> u64 {

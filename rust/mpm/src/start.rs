@@ -16,7 +16,7 @@ use crate::version::SOLVER_VERSION;
 
 const MAGIC: &[u8; 8] = b"HMPMPLAY";
 /// Version of the layout of start files.
-const START_VERSION: u32 = 3;
+const START_VERSION: u32 = 4;
 /// Magic, both versions, dimension.
 const HEADER: usize = 8 + 4 + 4 + 4;
 const CHECKSUM: usize = 8;

@@ -12,4 +12,6 @@ pub(crate) struct SolverState<const D: usize> {
     /// Largest speed of a particle [m/s].
     pub max_speed: f32,
     pub population: Population,
+    /// The rigid bodies.
+    pub rigid: rigid::State,
 }

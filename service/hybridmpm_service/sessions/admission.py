@@ -101,6 +101,9 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     SceneError
         The scene is beyond a limit; the message has the figure, the limit and a remedy.
     """
+    if scene.rigid:
+        text = "are not drawn by this service yet: remove them, or simulate the scene with the Python library"
+        raise SceneError.of([("rigid", text)])
     most = settings.max_grid_nodes
     if grid_nodes(scene) > most:
         allowed = scene.resolution

@@ -38,10 +38,14 @@ class ControlFilm:
         self._frame_dt = recording.scene.frame_dt
 
     def draw(
-        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        time: float = 0.0,
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.uint8]:
         """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]; see `View.draw`."""
-        picture = self._view.draw(x, v, time)
+        picture = self._view.draw(x, v, time, rigid)
         frame = round(time / self._frame_dt)
         if self._run.first <= frame <= self._run.last:
             picture = with_sketch(picture, self._raster(self._run.number_at(frame)), self._scene)

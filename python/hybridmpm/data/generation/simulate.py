@@ -70,6 +70,7 @@ def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: Fa
 
 
 def _solver(scene: Scene, recipe: Recipe) -> MpmSolver:
+    scene.refuse_rigid("data sets are")
     if scene.emitters or scene.sinks:
         raise ConfigError("a trajectory has the same particles throughout: remove emitters and sinks")
     return MpmSolver(scene, substeps=recipe.substeps, r_p=recipe.r_p)

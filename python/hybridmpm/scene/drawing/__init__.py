@@ -9,6 +9,7 @@ from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.facets import MeshShape, PolygonShape
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
+from hybridmpm.scene.rigid import Rigid, RigidBody
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape
 from hybridmpm.scene.walls import Walls
 
@@ -17,13 +18,14 @@ _MARGIN = 0.024
 _MOST_TRIANGLES = 4000
 """Largest number of triangles that a drawing shows one by one."""
 _COLORS = {"water": "#1b7fe0", "sand": "#d1a15a", "elastic": "#3aa05a", "liquid": "#c9822a"}
+_RIGID = "#b8763d"
 _OUTSIDE, _INSIDE, _WALL, _SOLID, _OPENING = "#060912", "#0f1b30", "#4d6185", "#78859c", "#d9e4f5"
 
 
 def svg(
     walls: Walls,
     bodies: Iterable[Body],
-    obstacles: Iterable[Obstacle],
+    solids: Iterable[Obstacle | RigidBody],
     openings: Iterable[Emitter | Sink],
     width: int,
 ) -> str:
@@ -34,7 +36,7 @@ def svg(
     Parameters
     ----------
     walls : Walls
-    bodies, obstacles, openings
+    bodies, solids, openings
         What is drawn.
     width : int
         Width of the drawing [pixels].
@@ -46,7 +48,7 @@ def svg(
     parts = [
         _rectangle(walls.lower, walls.upper, f'fill="{_INSIDE}"'),
         *(_shape(body, f'fill="{_COLORS[body.material.kind]}"') for body in bodies),
-        *(_obstacle(obstacle) for obstacle in obstacles),
+        *(_rigid(solid) if isinstance(solid, Rigid) else _obstacle(solid) for solid in solids),
         # Obstacles may reach through the walls, where nothing of them matters.
         f'<path d="M-1 -1H{far}V{far}H-1Z{room}" fill="{_OUTSIDE}" fill-rule="evenodd"/>',
         f'<path d="{room}" fill="none" stroke="{_WALL}" stroke-width="0.004"/>',
@@ -99,6 +101,15 @@ def _mesh(mesh: MeshShape, style: str) -> str:
         return _rectangle(lower.tolist(), upper.tolist(), style)
     lines = "".join(f"M{'L'.join(f'{x:.4g} {y:.4g}' for x, y in corner)}Z" for corner in facing.tolist())
     return f'<path d="{lines}" {style}/>'
+
+
+def _rigid(body: RigidBody) -> str:
+    """Return the outline from the front: the hull of its corners, or a circle."""
+    style = f'fill="{_RIGID}"'
+    if body.shape == "ball":
+        return _circle(body.center, body.radius, style)
+    corners = " ".join(f"{x:.4g},{y:.4g}" for x, y in body.outline())
+    return f'<polygon points="{corners}" {style}/>'
 
 
 def _cylinder(start: Sequence[float], end: Sequence[float], radius: float, style: str) -> str:

@@ -9,7 +9,9 @@ use pyo3::prelude::*;
 use super::any::AnySolver;
 use crate::convert::{along_axes, array, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
-use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
+use crate::scene::{
+    AnyEmitter, AnyObstacle, AnyRigidBody, PyEmitter, PyMaterial, PyObstacle, PyRigidBody,
+};
 use crate::signals::interruptible;
 
 /// "cfl", "reference" or a count.
@@ -148,6 +150,7 @@ pub struct Arguments<'py> {
     pub transfer_loss: Option<f32>,
     pub materials: Vec<Material>,
     pub obstacles: Vec<PyRef<'py, PyObstacle>>,
+    pub rigid: Vec<PyRef<'py, PyRigidBody>>,
     pub emitters: Vec<PyRef<'py, PyEmitter>>,
     pub sinks: Vec<PyRef<'py, PyObstacle>>,
     pub max_particles: usize,
@@ -172,6 +175,11 @@ impl Arguments<'_> {
                 };
                 let dim = self.gravity.len();
                 let obstacles = same_dim("obstacles", dim, &self.obstacles, solid)?;
+                let body = |b: &PyRigidBody| match &b.inner {
+                    AnyRigidBody::$variant(b) => Some(b.clone()),
+                    _ => None,
+                };
+                let rigid = same_dim("rigid", dim, &self.rigid, body)?;
                 let emitters = same_dim("emitters", dim, &self.emitters, opening)?;
                 let sinks = same_dim("sinks", dim, &self.sinks, solid)?;
                 let settings = SolverSettings {
@@ -188,6 +196,7 @@ impl Arguments<'_> {
                     transfer_loss: self.transfer_loss,
                     materials: self.materials,
                     obstacles,
+                    rigid,
                     openings: Openings {
                         emitters,
                         sinks: sinks.into_iter().map(|sink| sink.shape).collect(),

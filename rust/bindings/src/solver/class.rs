@@ -18,7 +18,7 @@ use crate::convert::{
     ForWalls, array, cells_or_unit, read_only, slice_of, vectors, wall_contacts, writable,
 };
 use crate::error::{NativeError, config_error};
-use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
+use crate::scene::{PyEmitter, PyMaterial, PyObstacle, PyRigidBody};
 
 /// MLS-MPM on one scene.
 #[pyclass(frozen, name = "Solver", module = "hybridmpm._native")]
@@ -85,12 +85,12 @@ impl PySolver {
 impl PySolver {
     #[new]
     #[pyo3(signature = (*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper,
-        wall_contact=ForWalls::All("separating".to_owned()), wall_friction=ForWalls::All(None), materials, obstacles=Vec::new(), emitters=Vec::new(),
+        wall_contact=ForWalls::All("separating".to_owned()), wall_friction=ForWalls::All(None), materials, obstacles=Vec::new(), rigid=Vec::new(), emitters=Vec::new(),
         sinks=Vec::new(), max_particles=None, x, v, material, mass,
         volume, volume_ratio=None, body=None, contact_friction=None, transfer_loss=None, substeps=None, cfl=None,
         allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
         text_signature = "(*, resolution, cells=None, frame_dt, gravity, wall_lower, wall_upper, \
-        wall_contact='separating', wall_friction=None, materials, obstacles=(), emitters=(), sinks=(), \
+        wall_contact='separating', wall_friction=None, materials, obstacles=(), rigid=(), emitters=(), sinks=(), \
         max_particles=None, x, v, material, mass, volume, volume_ratio=None, body=None, contact_friction=None, \
         transfer_loss=None, substeps='cfl', cfl=None, allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
     #[expect(
@@ -109,6 +109,7 @@ impl PySolver {
         wall_friction: ForWalls<Option<f32>>,
         materials: Vec<PyRef<'_, PyMaterial>>,
         obstacles: Vec<PyRef<'_, PyObstacle>>,
+        rigid: Vec<PyRef<'_, PyRigidBody>>,
         emitters: Vec<PyRef<'_, PyEmitter>>,
         sinks: Vec<PyRef<'_, PyObstacle>>,
         max_particles: Option<usize>,
@@ -142,6 +143,7 @@ impl PySolver {
             transfer_loss,
             materials: materials.iter().map(|m| m.inner).collect(),
             obstacles,
+            rigid,
             emitters,
             sinks,
             max_particles: max_particles.unwrap_or(usize::MAX),
@@ -283,6 +285,21 @@ impl PySolver {
     fn mass<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_masses(out)));
         Ok(read_only(out?.into_pyarray(py)))
+    }
+
+    #[getter]
+    fn rigid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let numbers: Vec<f64> = self
+            .held
+            .detached(py, |any| with_any!(any, s => s.rigid().flatten().collect()))?;
+        let count = numbers.len() / 13;
+        numbers.into_pyarray(py).reshape([count, 13]).map(read_only)
+    }
+
+    #[getter]
+    fn rigid_energy(&self, py: Python<'_>) -> PyResult<[f64; 2]> {
+        self.held
+            .detached(py, |any| with_any!(any, s => s.rigid_energy()))
     }
 
     #[getter]

@@ -8,7 +8,7 @@ use super::contact::ContactKind;
 use super::motion::Pose;
 use super::node::{DEEP_CELLS, MaterialFriction};
 use super::obstacle::Obstacle;
-use super::reactions::Reactions;
+use super::reactions::{Probe, Reactions};
 use super::wall_contact::{Touch, touching};
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
 use crate::linalg::Vector;
@@ -48,6 +48,8 @@ pub struct Line<const D: usize> {
 #[derive(Clone, Copy)]
 pub struct Solids<'a, const D: usize> {
     pub list: &'a [Obstacle<D>],
+    /// Rigid bodies, which end the list: the distance that each reaches from its centre [m].
+    pub reaches: &'a [f32],
     /// Empty where all are at rest.
     pub poses: &'a [Option<Pose<D>>],
     pub layout: &'a Layout<D>,
@@ -60,6 +62,17 @@ pub struct Solids<'a, const D: usize> {
 impl<'a, const D: usize> Solids<'a, D> {
     pub fn pose(&self, index: usize) -> Option<&'a Pose<D>> {
         self.poses.get(index)?.as_ref()
+    }
+
+    /// Whether a point may lie inside of a solid: false for those far from a rigid body.
+    #[inline(always)]
+    pub fn may_contain(&self, index: usize, x: &Vector<D>) -> bool {
+        let first = self.list.len() - self.reaches.len();
+        index < first
+            || self.pose(index).is_none_or(|pose| {
+                let reach = self.reaches[index - first];
+                (x - pose.center()).norm_squared() <= reach * reach
+            })
     }
 
     fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
@@ -188,7 +201,7 @@ impl<'a, const D: usize> Solids<'a, D> {
     ) -> bool {
         let dx = self.layout.dx();
         (0..self.list.len())
-            .filter(|other| *other != index)
+            .filter(|other| *other != index && self.may_contain(*other, outside))
             .any(|other| {
                 let (distance, upward) = self.distance(other, outside);
                 let faces = || upward.dot(normal) < -0.5;
@@ -213,6 +226,49 @@ impl<const D: usize> Line<D> {
     /// Memory indices of the outer, middle and inner node.
     pub fn nodes(&self) -> [usize; 3] {
         [-self.step, 0, self.step].map(|step| self.middle.wrapping_add_signed(step))
+    }
+
+    /// What the obstacle, a rigid body, is about to meet; None where nothing touches it.
+    pub fn probe(
+        &self,
+        nodes: &[[f32; 4]; 3],
+        is_elastic: bool,
+        solids: &Solids<'_, D>,
+        friction: impl Fn(f32) -> f32,
+    ) -> Option<Probe<D>> {
+        let mass = nodes.map(|node| node[3]);
+        let touching = self.touching[usize::from(is_elastic)];
+        if mass[1] <= SMALLEST_MASS || !touching.touches(mass[1], mass[2]) {
+            return None;
+        }
+        let (mut total, mut held) = (0.0, 0.0);
+        let mut u = Vector::<D>::zeros();
+        for k in 0..3 {
+            let weight = self.weights[k];
+            if mass[k] > SMALLEST_MASS {
+                total += weight * weight / mass[k];
+                held += weight;
+                u += Vector::from_fn(|axis, _| nodes[k][axis] * weight);
+            }
+        }
+        u /= held;
+        let surface = (solids.pose(self.obstacle as usize))
+            .map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
+        let approach = held * (surface - u).dot(&self.normal);
+        let is_fast = approach > touching.resting_speed(solids.dt);
+        Some(Probe {
+            body: self.obstacle,
+            x: self.x,
+            normal: self.normal,
+            u,
+            mass: held * held / total,
+            closing: if is_fast {
+                touching.closing(mass[1], mass[2], solids.dt) / held
+            } else {
+                0.0
+            },
+            friction: friction(mass[1]),
+        })
     }
 
     /// Lets the obstacle act on velocities and masses of the nodes, and returns its impulse [kg m/s] and the work that it does
@@ -286,16 +342,17 @@ pub struct LineWindow<'a, 'w, 'f, const D: usize> {
 }
 
 impl<const D: usize> LineWindow<'_, '_, '_, D> {
-    /// Lets an obstacle act on a line, on each body that it crosses. Returns the work that it does [J].
-    pub fn act(&mut self, line: &Line<D>, solids: &Solids<'_, D>) -> f64 {
+    /// Lets an obstacle act on a line, on each body that it crosses, or looks for what it is about to meet. Returns the work
+    /// that it does [J].
+    pub fn act(&mut self, line: &Line<D>, solids: &Solids<'_, D>, probes: bool) -> f64 {
         let nodes = line.nodes();
         let chunks = nodes.map(|node| node / CHUNK);
         let Some(fields) = self.fields else {
-            return self.act_on_grid(line, solids);
+            return self.act_on_grid(line, solids, probes);
         };
         let map = fields.map();
         if map.is_one(chunks) {
-            return self.act_on_grid(line, solids);
+            return self.act_on_grid(line, solids, probes);
         }
         let mut work = 0.0;
         for (k, chunk) in chunks.into_iter().enumerate() {
@@ -304,19 +361,19 @@ impl<const D: usize> LineWindow<'_, '_, '_, D> {
                 if !chunks[..k].iter().any(met) {
                     let places = nodes.map(|node| map.place(node, field));
                     let elastic = map.is_elastic(field);
-                    work += self.act_on(line, solids, places, elastic);
+                    work += self.act_on(line, solids, places, elastic, probes);
                 }
             }
         }
         work
     }
 
-    fn act_on_grid(&mut self, line: &Line<D>, solids: &Solids<'_, D>) -> f64 {
+    fn act_on_grid(&mut self, line: &Line<D>, solids: &Solids<'_, D>, probes: bool) -> f64 {
         if self.window.nodes[line.middle - self.window.first].as_array()[3] <= SMALLEST_MASS {
             return 0.0;
         }
         let elastic = self.kinds.only_elastic(line.middle / CHUNK);
-        self.act_on(line, solids, [NodePlace::Grid; 3], elastic)
+        self.act_on(line, solids, [NodePlace::Grid; 3], elastic, probes)
     }
 
     #[inline(always)]
@@ -326,6 +383,7 @@ impl<const D: usize> LineWindow<'_, '_, '_, D> {
         solids: &Solids<'_, D>,
         places: [NodePlace; 3],
         elastic: bool,
+        probes: bool,
     ) -> f64 {
         let Self {
             window,
@@ -346,6 +404,11 @@ impl<const D: usize> LineWindow<'_, '_, '_, D> {
             }
             _ => friction.at(window.friction_mass, numbers[1], mass),
         };
+        if probes {
+            let probe = line.probe(&nodes, elastic, solids, friction);
+            reactions.probes.extend(probe);
+            return 0.0;
+        }
         let Some((impulse, work)) = line.act(&mut nodes, elastic, solids, friction) else {
             return 0.0;
         };

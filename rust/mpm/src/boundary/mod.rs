@@ -18,11 +18,11 @@ mod wall_fill;
 
 pub use bounds::Bounds;
 pub use contact::{Contact, ContactKind, Walls, remaining_slip};
-pub use motion::{Motion, Swing};
+pub use motion::{Motion, Pose, Swing};
 pub use node::MaterialFriction;
 pub use obstacle::{Obstacle, Placed};
 pub use obstacles::Obstacles;
-pub use reactions::Reactions;
+pub use reactions::{Probe, Reactions, Wrench};
 pub use shape::Shape;
 pub use surface::Surface;
 pub use wall_contact::{Lines, WallContact};

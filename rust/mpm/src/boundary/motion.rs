@@ -153,6 +153,53 @@ pub struct Pose<const D: usize> {
 }
 
 impl<const D: usize> Pose<D> {
+    /// Of a solid whose own frame is about its centre, with the matrix of its angular velocity.
+    pub fn of_body(
+        center: Vector<D>,
+        rotation: Matrix<D>,
+        velocity: Vector<D>,
+        spin: Matrix<D>,
+    ) -> Self {
+        Self {
+            start: Vector::zeros(),
+            center,
+            rotation,
+            velocity,
+            spin,
+        }
+    }
+
+    /// The same place with another velocity of the centre and matrix of the angular velocity.
+    #[must_use]
+    pub fn moving(self, velocity: Vector<D>, spin: Matrix<D>) -> Self {
+        Self {
+            velocity,
+            spin,
+            ..self
+        }
+    }
+
+    /// Bound on how far any point within a distance from the centre lies from where it is in another pose [m].
+    pub fn apart(&self, other: &Self, reach: f32) -> f32 {
+        (self.center - other.center).norm() + reach * (self.rotation - other.rotation).norm()
+    }
+
+    /// Largest speed of a point at this distance from the centre [m/s].
+    pub fn speed(&self, reach: f32) -> f32 {
+        let twice = self.spin.norm_squared();
+        self.velocity.norm() + (0.5 * twice).sqrt() * reach
+    }
+
+    /// Rotation since time 0.
+    pub fn rotation(&self) -> &Matrix<D> {
+        &self.rotation
+    }
+
+    /// Velocity of the centre [m/s], and the matrix of the angular velocity.
+    pub fn rates(&self) -> (&Vector<D>, &Matrix<D>) {
+        (&self.velocity, &self.spin)
+    }
+
     /// Position at time 0 of the point of the solid that is at `x` now.
     pub fn at_start(&self, x: &Vector<D>) -> Vector<D> {
         self.rotation.tr_mul(&(x - self.center)) + self.start

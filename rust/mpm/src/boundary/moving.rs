@@ -28,7 +28,12 @@ pub struct ReachableNode {
 pub struct MovingObstacles<const D: usize> {
     /// Pose of each obstacle of the scene; None where it is at rest.
     pub poses: Vec<Option<Pose<D>>>,
-    /// Bound on the speed of all solids [m/s].
+    /// Rigid bodies, which end the list of obstacles: the distance that each reaches from its centre [m], and its pose when
+    /// the nodes were looked for.
+    pub reaches: Vec<f32>,
+    searched_poses: Vec<Pose<D>>,
+    /// Bound on the speed of solids in prescribed motion, and of all [m/s].
+    scripted_speed: f32,
     pub speed: f32,
     /// Length of the present substep [s].
     pub dt: f32,
@@ -42,9 +47,12 @@ pub struct MovingObstacles<const D: usize> {
 }
 
 impl<const D: usize> MovingObstacles<D> {
-    pub fn new(obstacle_count: usize, near_solid: Vec<Nearness>) -> Self {
+    pub fn new(obstacle_count: usize, reaches: Vec<f32>, near_solid: Vec<Nearness>) -> Self {
         Self {
             poses: vec![None; obstacle_count],
+            reaches,
+            searched_poses: Vec::new(),
+            scripted_speed: 0.0,
             speed: 0.0,
             dt: 0.0,
             moved: 0.0,
@@ -65,7 +73,7 @@ impl<const D: usize> MovingObstacles<D> {
         dt: f32,
         near: &mut [Nearness],
     ) -> bool {
-        let before = self.speed;
+        let before = self.scripted_speed;
         let corner = layout.upper();
         (self.speed, self.dt) = (0.0, dt);
         for (obstacle, place) in list.iter().zip(&mut self.poses) {
@@ -75,19 +83,57 @@ impl<const D: usize> MovingObstacles<D> {
                 *place = Some(pose);
             }
         }
+        self.scripted_speed = self.speed;
         let fastest = f64::from(before.max(self.speed));
-        let margin = f64::from(MARGIN_CELLS * layout.dx());
-        let valid = |searched: f64| (time - searched).abs() * fastest <= margin;
+        let margin = MARGIN_CELLS * layout.dx();
+        let valid = |searched: f64| {
+            (time - searched).abs() * fastest <= f64::from(margin) && self.bodies_moved() <= margin
+        };
         let searches = !self.searched.is_some_and(valid);
         if searches {
             self.search(list, layout, near);
             self.searched = (!interrupted()).then_some(time);
+            self.searched_poses = self.body_poses().copied().collect();
         }
         let since = self
             .searched
             .map_or(0.0, |searched| (time - searched).abs());
-        self.moved = (since * fastest) as f32 + ROUNDING_CELLS * layout.dx();
+        let moved = ((since * fastest) as f32).max(self.bodies_moved());
+        self.moved = moved + ROUNDING_CELLS * layout.dx();
+        let of_bodies = self.body_poses().zip(&self.reaches);
+        self.speed = of_bodies
+            .map(|(pose, reach)| pose.speed(*reach))
+            .fold(self.speed, f32::max);
         searches
+    }
+
+    /// Where rigid bodies are.
+    pub fn body_poses(&self) -> impl Iterator<Item = &Pose<D>> {
+        let first = self.poses.len() - self.reaches.len();
+        self.poses[first..].iter().flatten()
+    }
+
+    /// Bound on how far rigid bodies have moved since the nodes were looked for [m].
+    fn bodies_moved(&self) -> f32 {
+        let pairs = self.body_poses().zip(&self.searched_poses);
+        pairs
+            .zip(&self.reaches)
+            .map(|((pose, searched), reach)| pose.apart(searched, *reach))
+            .fold(0.0, f32::max)
+    }
+
+    /// Whether a rigid body, if it is one, is farther from a row than it can act.
+    fn is_far(&self, index: usize, layout: &Layout<D>, row: usize) -> bool {
+        let first = self.poses.len() - self.reaches.len();
+        let (Some(number), Some(pose)) = (index.checked_sub(first), &self.poses[index]) else {
+            return false;
+        };
+        let place = layout.position(layout.row_coordinates(row));
+        let away = place - pose.center();
+        let beside: f32 = (0..D - 1).map(|axis| away[axis] * away[axis]).sum();
+        let most =
+            self.reaches[number] + stencil_reach(layout) + (MARGIN_CELLS + 1.0) * layout.dx();
+        beside > most * most
     }
 
     /// Bound on how far a particle with this speed is pushed in a substep [m]. On the way into a solid the
@@ -103,7 +149,9 @@ impl<const D: usize> MovingObstacles<D> {
         for row in 0..layout.row_count() {
             let solids = if interrupted() { &[] } else { list };
             for (index, obstacle) in solids.iter().enumerate() {
-                if let Some(pose) = &self.poses[index] {
+                if let Some(pose) = &self.poses[index]
+                    && !self.is_far(index, layout, row)
+                {
                     let nodes = &mut self.nodes.nodes;
                     let near = &mut near[row * layout.row_length..][..layout.columns()];
                     let solid = (obstacle, Some(pose));

@@ -1,6 +1,6 @@
 //! One solid, at rest or in prescribed motion.
 
-use super::contact::{Contact, Walls};
+use super::contact::{Contact, ContactKind, Walls};
 use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
 use crate::error::MpmError;
@@ -83,6 +83,21 @@ impl<const D: usize> Obstacle<D> {
             (shape, _) => shape.clone(),
         };
         Self { shape, ..self }
+    }
+
+    /// Returns a rigid body, given by its shape about its centre, as it acts where cells are `dx` [m] large: material meets it with
+    /// its own friction.
+    pub(super) fn of_body(shape: &Shape<D>, dx: f32) -> Self {
+        let shape = match shape {
+            Shape::Surface(surface) => Shape::Surface(surface.prepared(dx, MOVING, None)),
+            shape => shape.clone(),
+        };
+        let (kind, friction) = (ContactKind::Separating, None);
+        Self {
+            shape,
+            contact: Contact { kind, friction },
+            motion: None,
+        }
     }
 
     /// Returns the same solid, prepared for many distances of which those beyond `reach` [m] may be nearer to zero.

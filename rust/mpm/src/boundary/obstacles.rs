@@ -10,6 +10,7 @@ use super::node::{
 };
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
+use super::shape::Shape;
 use super::wall_fill::cumulative;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, PADDING, SMALLEST_MASS, Span, Window};
 use crate::linalg::Vector;
@@ -29,7 +30,10 @@ struct SolidNode<const D: usize> {
 /// All obstacles of a scene, prepared for one grid.
 #[derive(Debug, Clone)]
 pub struct Obstacles<const D: usize> {
+    /// Those of the scene, then its rigid bodies.
     list: Vec<Obstacle<D>>,
+    /// Number of the first rigid body.
+    first_body: usize,
     walls: Walls<D>,
     layout: Layout<D>,
     /// Nodes deep inside obstacles at rest.
@@ -47,11 +51,23 @@ pub struct Obstacles<const D: usize> {
 impl<const D: usize> Obstacles<D> {
     /// Incomplete where the work is `interrupted`.
     pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
+        Self::with_bodies(list, &[], walls, layout)
+    }
+
+    /// The same with rigid bodies, given by their shapes about their centres and their poses.
+    pub fn with_bodies(
+        list: Vec<Obstacle<D>>,
+        bodies: &[(Shape<D>, Pose<D>)],
+        walls: &Walls<D>,
+        layout: &Layout<D>,
+    ) -> Self {
+        let first_body = list.len();
         let list = list.into_iter();
         let mut prepared = Self {
             list: list
                 .map(|obstacle| obstacle.prepared(walls, layout.upper().max(), layout.dx()))
                 .collect(),
+            first_body,
             walls: *walls,
             layout: *layout,
             solid: ByRow::EMPTY,
@@ -60,29 +76,55 @@ impl<const D: usize> Obstacles<D> {
             moving: None,
             near: Vec::new(),
         };
+        prepared.list.extend(
+            bodies
+                .iter()
+                .map(|(shape, _)| Obstacle::of_body(shape, layout.dx())),
+        );
         if prepared.list.is_empty() {
             return prepared;
         }
         prepared.find_solid_nodes();
-        if prepared
-            .list
-            .iter()
-            .any(|obstacle| obstacle.motion.is_some())
-        {
+        if (0..prepared.list.len()).any(|index| prepared.moves(index)) {
+            let reaches = bodies
+                .iter()
+                .map(|(shape, _)| shape.reach(&Vector::zeros()));
             prepared.moving = Some(MovingObstacles::new(
                 prepared.list.len(),
+                reaches.collect(),
                 prepared.near.clone(),
             ));
+            prepared.place_bodies(bodies.iter().map(|(_, pose)| *pose));
             prepared.move_to(0.0, 0.0);
         }
         prepared
+    }
+
+    /// Whether an obstacle is not at rest.
+    fn moves(&self, index: usize) -> bool {
+        self.list[index].motion.is_some() || index >= self.first_body
+    }
+
+    /// Puts the rigid bodies where they are; `move_to` follows.
+    pub fn place_bodies(&mut self, poses: impl Iterator<Item = Pose<D>>) {
+        if let Some(moving) = &mut self.moving {
+            for (place, pose) in moving.poses[self.first_body..].iter_mut().zip(poses) {
+                *place = Some(pose);
+            }
+        }
+    }
+
+    /// Where the rigid bodies are.
+    pub fn body_poses(&self) -> impl Iterator<Item = &Pose<D>> {
+        self.moving.iter().flat_map(MovingObstacles::body_poses)
     }
 
     /// Finds the nodes and lines on which obstacles at rest act.
     fn find_solid_nodes(&mut self) {
         let layout = self.layout;
         let solids = Solids {
-            list: &self.list,
+            list: &self.list[..self.first_body],
+            reaches: &[],
             poses: &[],
             layout: &layout,
             dt: self.dt,
@@ -92,7 +134,7 @@ impl<const D: usize> Obstacles<D> {
         self.near = vec![Nearness::Never; layout.row_count() * layout.row_length];
         let mut solid = Vec::new();
         'all: for (index, obstacle) in self.list.iter().enumerate() {
-            if obstacle.motion.is_some() {
+            if self.moves(index) {
                 continue;
             }
             let [lower, upper] = obstacle.shape.bounds();
@@ -306,13 +348,56 @@ impl<const D: usize> Obstacles<D> {
         lines: impl Iterator<Item = &'l Line<D>>,
     ) -> f64 {
         let solids = self.solids(true);
-        lines.map(|line| target.act(line, &solids)).sum()
+        lines
+            .map(|line| {
+                let work = target.act(line, &solids, false);
+                if self.is_body(line.obstacle) {
+                    0.0
+                } else {
+                    work
+                }
+            })
+            .sum()
+    }
+
+    /// Finds what rigid bodies are about to meet on lines that begin in some of the planes.
+    pub fn probe(
+        &self,
+        window: &mut Window<'_, D>,
+        fields: &mut Option<FieldWindow<'_, D>>,
+        kinds: FieldMap<'_>,
+        friction: &MaterialFriction,
+        planes: Range<usize>,
+        reactions: &mut Reactions<D>,
+    ) {
+        let moving = self.moving_lines(window, fields.as_ref(), kinds, planes, 0..D);
+        let solids = self.solids(true);
+        let mut lines = LineWindow {
+            window,
+            fields,
+            kinds,
+            friction,
+            reactions,
+        };
+        let bodies = moving
+            .iter()
+            .flatten()
+            .filter(|line| self.is_body(line.obstacle));
+        for line in bodies {
+            lines.act(line, &solids, true);
+        }
+    }
+
+    /// Whether this is a rigid body, whose work is no gain of the scene.
+    fn is_body(&self, obstacle: u32) -> bool {
+        obstacle as usize >= self.first_body
     }
 
     /// `elastic` where elastic bodies may touch them.
     fn solids(&self, elastic: bool) -> Solids<'_, D> {
         Solids {
             list: &self.list,
+            reaches: (self.moving.as_ref()).map_or(&[], |moving| &moving.reaches),
             poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
             layout: &self.layout,
             dt: self.dt,
@@ -369,7 +454,9 @@ impl<const D: usize> Obstacles<D> {
                         obstacle.resolve(pose, &x, v, &normal, friction)
                     });
                     reactions.push(node.obstacle as usize, &x, &impulse);
-                    work += f64::from(impulse.dot(&velocity_of(pose, &x)));
+                    if !self.is_body(node.obstacle) {
+                        work += f64::from(impulse.dot(&velocity_of(pose, &x)));
+                    }
                 }
             }
         }
@@ -427,9 +514,11 @@ impl<const D: usize> Obstacles<D> {
 
     /// Whether a point lies inside of one, as they are now.
     pub fn contains(&self, x: &Vector<D>) -> bool {
-        let pose = |index: usize| self.moving.as_ref()?.poses[index].as_ref();
-        let mut numbered = self.list.iter().enumerate();
-        numbered.any(|(index, obstacle)| obstacle.depth_in(pose(index), x).is_some())
+        let solids = self.solids(true);
+        (0..self.list.len()).any(|index| {
+            let pose = solids.pose(index);
+            solids.may_contain(index, x) && self.list[index].depth_in(pose, x).is_some()
+        })
     }
 
     /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its
@@ -443,11 +532,12 @@ impl<const D: usize> Obstacles<D> {
         mut pushed: impl FnMut(usize, &Vector<D>, &Vector<D>),
     ) -> (f64, f32) {
         let (mut work, mut moved) = (0.0, 0.0);
+        let solids = self.solids(true);
         for (index, obstacle) in self.list.iter().enumerate() {
-            let pose = self
-                .moving
-                .as_ref()
-                .and_then(|moving| moving.poses[index].as_ref());
+            if !solids.may_contain(index, x) {
+                continue;
+            }
+            let pose = solids.pose(index);
             if let Some((distance, normal)) = obstacle.depth_in(pose, x) {
                 let correction = self.correction(distance, pose, v);
                 *x -= normal * correction;
@@ -460,7 +550,9 @@ impl<const D: usize> Obstacles<D> {
                 }
                 let changed = obstacle.resolve(pose, x, v, &normal, material_friction);
                 let change = changed - *v;
-                work += f64::from(change.dot(&velocity_of(pose, x)));
+                if index < self.first_body {
+                    work += f64::from(change.dot(&velocity_of(pose, x)));
+                }
                 pushed(index, x, &change);
                 *v = changed;
             }

@@ -33,11 +33,28 @@ impl<const D: usize> Wrench<D> {
         }
     }
 
-    fn join(&mut self, other: &Self) {
+    pub fn join(&mut self, other: &Self) {
         let sums = self.impulse.iter_mut().chain(&mut self.moment);
         let parts = other.impulse.iter().chain(&other.moment);
         sums.zip(parts).for_each(|(sum, part)| *sum += part);
     }
+}
+
+/// A line at which material touches a rigid body or is about to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Probe<const D: usize> {
+    pub body: u32,
+    /// Place on the surface [m], and normal there.
+    pub x: Vector<D>,
+    pub normal: Vector<D>,
+    /// Velocity of the material there [m/s].
+    pub u: Vector<D>,
+    /// Mass that follows the surface [kg].
+    pub mass: f32,
+    /// Speed at which the material may come nearer, for it is not yet there [m/s].
+    pub closing: f32,
+    /// Coulomb coefficient of the material [-].
+    pub friction: f32,
 }
 
 /// The impulses that walls and obstacles give to the material; those on them are opposite.
@@ -46,16 +63,22 @@ pub struct Reactions<const D: usize> {
     /// Of the lower and the upper wall across each axis.
     pub walls: [[Wrench<D>; 2]; D],
     pub obstacles: Vec<Wrench<D>>,
-    /// Else nothing is added.
+    /// Of rigid bodies, which always follow them.
+    pub bodies: Vec<Wrench<D>>,
+    /// Where material touches rigid bodies.
+    pub probes: Vec<Probe<D>>,
+    /// Else nothing is added, but of rigid bodies.
     pub kept: bool,
 }
 
 impl<const D: usize> Reactions<D> {
-    /// Nothing, in a scene with so many obstacles.
-    pub fn none(obstacles: usize) -> Self {
+    /// Nothing, in a scene with so many obstacles and rigid bodies.
+    pub fn none(obstacles: usize, bodies: usize) -> Self {
         Self {
             walls: [[Wrench::NONE; 2]; D],
             obstacles: vec![Wrench::NONE; obstacles],
+            bodies: vec![Wrench::NONE; bodies],
+            probes: Vec::new(),
             kept: true,
         }
     }
@@ -66,14 +89,26 @@ impl<const D: usize> Reactions<D> {
         self.obstacles.fill(Wrench::NONE);
     }
 
-    /// Adds an impulse of an obstacle at `x` [m].
+    /// Forgets those of rigid bodies.
+    pub fn clear_bodies(&mut self) {
+        self.bodies.fill(Wrench::NONE);
+        self.probes.clear();
+    }
+
+    /// Adds an impulse of an obstacle, or of a rigid body, at `x` [m].
     #[inline(always)]
     pub fn push(&mut self, obstacle: usize, x: &Vector<D>, impulse: &Vector<D>) {
-        if !self.kept {
+        let count = self.obstacles.len();
+        if !self.kept && obstacle < count {
             return;
         }
         let double = |v: &Vector<D>| std::array::from_fn(|axis| f64::from(v[axis]));
-        self.obstacles[obstacle].add(&double(x), &double(impulse));
+        let sum = if obstacle < count {
+            &mut self.obstacles[obstacle]
+        } else {
+            &mut self.bodies[obstacle - count]
+        };
+        sum.add(&double(x), &double(impulse));
     }
 
     /// Adds the impulses of walls that changed the velocity of a particle at `x`, by components.
@@ -120,14 +155,14 @@ mod tests {
 
     #[test]
     fn torques_follow_the_right_hand_rule() {
-        let mut reactions = Reactions::<2>::none(1);
+        let mut reactions = Reactions::<2>::none(1, 0);
         reactions.push(0, &Vector::<2>::new(2.0, 1.0), &Vector::<2>::new(0.0, -3.0));
         reactions.hold(
             &Vector::<2>::new(0.5, 0.0),
             2.0,
             &Vector::<2>::new(0.0, 4.0),
         );
-        let mut sum = Reactions::none(1);
+        let mut sum = Reactions::none(1, 0);
         sum.join(&reactions);
         let forces = sum.forces(0.5);
         assert_eq!(forces[6..9], [0.0, -16.0, -8.0]);

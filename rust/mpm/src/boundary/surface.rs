@@ -168,6 +168,11 @@ impl<const D: usize> Surface<D> {
         })
     }
 
+    /// The corners [m].
+    pub fn vertices(&self) -> &[Vector<D>] {
+        &self.soup.vertices
+    }
+
     /// Lowest and highest corner of a box around the surface [m].
     pub fn bounds(&self) -> [Vector<D>; 2] {
         let (low, high) = (f32::INFINITY, f32::NEG_INFINITY);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::boundary::{Bounds, MaterialFriction, Obstacles, Reactions, WallContact};
+use crate::boundary::{Bounds, MaterialFriction, Obstacles, Pose, Reactions, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
 use crate::grid::{FieldSums, Fields, Grid, Layout};
@@ -13,6 +13,7 @@ use crate::particles::{
     MAX_SLABS, MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide,
     near_ones, with_group,
 };
+use crate::rigid::{Bodies, start as start_bodies};
 use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
@@ -30,6 +31,8 @@ pub struct Solver<const D: usize> {
     pub(super) bounds: Bounds<D>,
     pub(super) walls: WallContact,
     pub(super) obstacles: Obstacles<D>,
+    /// None in a scene without rigid bodies.
+    pub(super) bodies: Option<Bodies<D>>,
     pub(super) material_friction: MaterialFriction,
     pub(super) meeting: Meeting,
     /// None if no material is corrected.
@@ -43,6 +46,7 @@ pub struct Solver<const D: usize> {
     pub(super) state: SolverState<D>,
     /// State before the frame in progress; kept to reuse its memory.
     pub(super) before: Vec<MaterialGroup<D>>,
+    bodies_before: rigid::State,
     pub(super) last_frame: Option<FrameReport>,
 }
 
@@ -80,11 +84,26 @@ impl<const D: usize> Solver<D> {
             .any(|group| with_group!(group, group => group.corrects_volume()))
             .then(|| VolumeCorrection::new(&settings.walls, &grid.layout, settings.frame_dt));
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
-        let obstacles = Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout);
+        let obstacles = Obstacles::with_bodies(
+            settings.obstacles.clone(),
+            &Bodies::placed(&settings.rigid),
+            &settings.walls,
+            &grid.layout,
+        );
         let no_reactions = Reactions {
             kept: false,
-            ..Reactions::none(settings.obstacles.len())
+            ..Reactions::none(settings.obstacles.len(), settings.rigid.len())
         };
+        let bodies = Bodies::new(
+            &settings.rigid,
+            &settings.walls,
+            &settings.obstacles,
+            &settings.gravity,
+        );
+        let rigid = start_bodies(&settings.rigid);
+        if let Some(bodies) = &bodies {
+            bodies.check(&rigid)?;
+        }
         if interrupted() {
             return Err(MpmError::BuildCancelled);
         }
@@ -93,6 +112,7 @@ impl<const D: usize> Solver<D> {
             bounds: Bounds::new(settings.walls, &settings.gravity, &grid.layout),
             walls: WallContact::new(&settings.walls, &grid.layout),
             obstacles,
+            bodies,
             material_friction: if uniform {
                 MaterialFriction::Uniform(settings.materials[0].wall_friction)
             } else {
@@ -106,11 +126,13 @@ impl<const D: usize> Solver<D> {
             reactions: vec![no_reactions; MAX_SLABS],
             sorter: Sorter::default(),
             before: Vec::new(),
+            bodies_before: rigid::State::default(),
             state: SolverState {
                 groups,
                 frame: 0,
                 max_speed,
                 population: Population::new(particles.mass.len(), settings.openings.emitters.len()),
+                rigid,
             },
             last_frame: None,
             settings,
@@ -140,7 +162,10 @@ impl<const D: usize> Solver<D> {
         let max_speed = self.state.max_speed;
         // The clock of moving obstacles is a function of the frame's number.
         let start = self.state.frame as f64 * f64::from(self.settings.frame_dt);
+        self.obstacles
+            .place_bodies(Bodies::poses(&self.state.rigid, 0.0));
         self.obstacles.move_to(start, 0.0);
+        self.bodies_before.clone_from(&self.state.rigid);
         // Sorting at the start of a frame makes a frame a function of the state alone.
         if let Some(sleep) = self.settings.sleep {
             self.remember();
@@ -161,6 +186,7 @@ impl<const D: usize> Solver<D> {
             }
             Err(error) => {
                 std::mem::swap(&mut self.state.groups, &mut self.before);
+                std::mem::swap(&mut self.state.rigid, &mut self.bodies_before);
                 self.state.max_speed = max_speed;
                 Err(error)
             }
@@ -173,6 +199,7 @@ impl<const D: usize> Solver<D> {
             frame,
             max_speed,
             population,
+            ..
         } = &mut self.state;
         let mut end = FrameEnd {
             groups,
@@ -252,8 +279,14 @@ impl<const D: usize> Solver<D> {
                 (travelled, is_new) = (0.0, true);
             }
             let end = start + f64::from(frame_dt - remaining + dt);
+            self.obstacles
+                .place_bodies(Bodies::poses(&self.state.rigid, dt));
             is_new |= self.obstacles.move_to(end, dt);
-            let outcome = self.run(&Stage::ALL, P2gStep { dt, force }, is_new);
+            let step = P2gStep { dt, force };
+            let outcome = match self.bodies.clone() {
+                Some(bodies) => self.run_with_bodies(&bodies, end, step, is_new),
+                None => self.run(&Stage::ALL, step, is_new),
+            };
             is_new = false;
             // Stages that are interrupted leave slabs out.
             self.check_cancelled()?;
@@ -289,7 +322,7 @@ impl<const D: usize> Solver<D> {
         if !self.reactions[0].kept {
             return Vec::new();
         }
-        let mut sum = Reactions::none(self.settings.obstacles.len());
+        let mut sum = Reactions::none(self.settings.obstacles.len(), 0);
         self.reactions.iter().for_each(|part| sum.join(part));
         sum.forces(f64::from(self.settings.frame_dt))
     }
@@ -368,6 +401,8 @@ impl<const D: usize> Solver<D> {
                 material_friction: self.material_friction,
                 meeting: &self.meeting,
                 dt: step.dt,
+                bodies: self.bodies.is_some() && !stages.contains(&Stage::P2g)
+                    || stages.contains(&Stage::Probe),
             },
             bounds: &self.bounds,
             transfer_loss: self.settings.transfer_loss.unwrap_or(0.0),
@@ -376,6 +411,26 @@ impl<const D: usize> Solver<D> {
         let groups = &mut self.state.groups;
         let (grid, reactions) = (&mut self.grid, &mut self.reactions);
         substep.run(stages, groups, &self.slabs, grid, reactions, &self.team)
+    }
+
+    /// All stages of a substep that ends at a time [s], with rigid bodies.
+    fn run_with_bodies(
+        &mut self,
+        bodies: &Bodies<D>,
+        end: f64,
+        step: P2gStep<'_, D>,
+        is_new: bool,
+    ) -> Outcome {
+        self.reactions.iter_mut().for_each(Reactions::clear_bodies);
+        self.run(&Stage::TO_BODIES, step, is_new);
+        let poses: Vec<Pose<D>> = self.obstacles.body_poses().copied().collect();
+        let first = self.settings.obstacles.len();
+        let (state, reactions) = (&mut self.state.rigid, &self.reactions);
+        let meeting = bodies.meet(state, &poses, first, reactions, step.dt);
+        self.obstacles.place_bodies(meeting.into_iter());
+        let outcome = self.run(&Stage::FROM_BODIES, step, is_new);
+        bodies.step(&mut self.state.rigid, &poses, &self.reactions, end, step.dt);
+        outcome
     }
 
     /// Names the particle that is no longer sound, the lowest index if there are several.

@@ -61,8 +61,10 @@ impl<const D: usize> Solver<D> {
                 });
             }
         }
-        if self.settings.openings.any() || self.settings.sleep.is_some() {
-            let allowed = "without emitters, sinks and sleep where motion is prescribed";
+        let is_fixed = self.settings.openings.any() || self.settings.sleep.is_some();
+        if is_fixed || self.bodies.is_some() {
+            let allowed =
+                "without emitters, sinks, sleep and rigid bodies where motion is prescribed";
             return Err(MpmError::parameter("the scene", allowed, "some"));
         }
         self.check_motion(x, v)?;

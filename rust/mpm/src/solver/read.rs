@@ -5,6 +5,7 @@ use crate::diagnostics::Diagnostics;
 use crate::linalg::Lanes;
 use crate::openings::EmitterStatus;
 use crate::particles::{Activity, with_group};
+use crate::rigid::numbers_of;
 use crate::settings::SolverSettings;
 use crate::substep::FrameReport;
 
@@ -16,6 +17,18 @@ impl<const D: usize> Solver<D> {
     /// Number of particles.
     pub fn count(&self) -> usize {
         self.state.population.ids.len()
+    }
+
+    /// Of each rigid body the centre of mass [m], the unit quaternion of its turn with the scalar first, its velocity [m/s] and its
+    /// angular velocity [rad/s].
+    pub fn rigid(&self) -> impl Iterator<Item = [f64; 13]> + '_ {
+        self.state.rigid.bodies.iter().map(numbers_of)
+    }
+
+    /// Kinetic and potential energy of the rigid bodies [J].
+    pub fn rigid_energy(&self) -> [f64; 2] {
+        let bodies = self.bodies.as_ref();
+        bodies.map_or([0.0; 2], |bodies| bodies.energy(&self.state.rigid))
     }
 
     /// Frames done.

@@ -18,6 +18,41 @@ pub struct GridForces<'a, const D: usize> {
     pub meeting: &'a Meeting,
     /// Duration of the substep [s].
     pub dt: f32,
+    /// Whether there are rigid bodies: `accelerate` has come before.
+    pub bodies: bool,
+}
+
+/// Turns the momentum of a window of planes into velocity, with gravity and contact between bodies.
+pub fn accelerate_nodes<const D: usize>(
+    window: &mut Window<'_, D>,
+    fields: &mut Option<FieldWindow<'_, D>>,
+    kinds: FieldMap<'_>,
+    forces: &GridForces<'_, D>,
+) {
+    let gain = lanes(&(forces.gravity * forces.dt), 0.0);
+    run_wide(Accelerate { window, gain });
+    (forces.meeting).set_friction(window, fields.as_mut(), kinds);
+    if let Some(fields) = fields {
+        run_wide(AccelerateSlots::<D> {
+            nodes: fields.nodes,
+            old: fields.old,
+            gain,
+        });
+        (forces.meeting).resolve::<D>(fields, &forces.material_friction);
+    }
+}
+
+/// Finds what rigid bodies are about to meet on lines that begin in some planes of the window.
+pub fn probe<const D: usize>(
+    window: &mut Window<'_, D>,
+    mut fields: Option<FieldWindow<'_, D>>,
+    kinds: FieldMap<'_>,
+    forces: &GridForces<'_, D>,
+    planes: Range<usize>,
+    reactions: &mut Reactions<D>,
+) {
+    let friction = &forces.material_friction;
+    (forces.obstacles).probe(window, &mut fields, kinds, friction, planes, reactions);
 }
 
 /// Turns the momentum of a window of planes into the velocity at the end of a substep, independently of other
@@ -30,18 +65,10 @@ pub fn grid_update<const D: usize>(
     forces: &GridForces<'_, D>,
     reactions: &mut Reactions<D>,
 ) -> f64 {
-    let gain = lanes(&(forces.gravity * forces.dt), 0.0);
-    run_wide(Accelerate { window, gain });
-    let friction = &forces.material_friction;
-    (forces.meeting).set_friction(window, fields.as_mut(), kinds);
-    if let Some(fields) = &mut fields {
-        run_wide(AccelerateSlots::<D> {
-            nodes: fields.nodes,
-            old: fields.old,
-            gain,
-        });
-        forces.meeting.resolve::<D>(fields, friction);
+    if !forces.bodies {
+        accelerate_nodes(window, &mut fields, kinds, forces);
     }
+    let friction = &forces.material_friction;
     let work = (forces.obstacles).apply(window, &mut fields, kinds, friction, reactions);
     let axes: &[bool] = if forces.obstacles.act_across() {
         &[false]

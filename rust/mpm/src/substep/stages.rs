@@ -1,10 +1,13 @@
 //! The stages of a substep, slab by slab on several threads.
 
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::g2p::{Nodes, Outcome, OwnView, Solids, Time, g2p};
-use super::grid_update::{GridForces, act_across, act_by_walls, grid_update};
+use super::grid_update::{
+    GridForces, accelerate_nodes, act_across, act_by_walls, grid_update, probe,
+};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
 use crate::boundary::{Bounds, Reactions};
@@ -22,6 +25,10 @@ pub enum Stage {
     P2g,
     /// Finds the directions of contact between bodies. Without this stage all bodies share one field.
     Slopes,
+    /// The first part of the next stage, where there are rigid bodies.
+    Accelerate,
+    /// Finds what rigid bodies are about to meet.
+    Probe,
     GridUpdate,
     /// Contact on lines of nodes along the first axis, which cross planes. Without obstacles it is part of the one before.
     Across,
@@ -37,13 +44,17 @@ impl Stage {
         Self::G2p,
     ];
 
+    /// With rigid bodies: up to what they are about to meet, and the rest.
+    pub const TO_BODIES: [Self; 4] = [Self::P2g, Self::Slopes, Self::Accelerate, Self::Probe];
+    pub const FROM_BODIES: [Self; 3] = [Self::GridUpdate, Self::Across, Self::G2p];
+
     /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are
     /// few: threads wait less for the last.
     fn steps(self, slabs: usize) -> &'static [Step] {
         match self {
-            Self::P2g | Self::Across => &COLOURS,
+            Self::P2g | Self::Probe | Self::Across => &COLOURS,
             Self::G2p if slabs < FEW_SLABS => &[Step::ALL; 2],
-            Self::Slopes | Self::GridUpdate | Self::G2p => &[Step::ALL],
+            Self::Slopes | Self::Accelerate | Self::GridUpdate | Self::G2p => &[Step::ALL],
         }
     }
 }
@@ -119,7 +130,8 @@ impl<const D: usize> Substep<'_, D> {
         team: &Team,
     ) -> Outcome {
         let bands = bands(slabs, grid.layout.planes());
-        let meet = grid.fields.meet() && stages.contains(&Stage::Slopes);
+        let meets = stages.contains(&Stage::Slopes) || !stages.contains(&Stage::P2g);
+        let meet = grid.fields.meet() && meets;
         let across = self.forces.obstacles.act_across();
         let stages = stages.iter().filter(|stage| match stage {
             Stage::Slopes => meet,
@@ -168,6 +180,24 @@ impl<const D: usize> Substep<'_, D> {
                     let fields = unsafe { grid.fields.view(around) };
                     find_slopes(slopes, view, fields);
                 }
+                (Stage::Accelerate, ..) => {
+                    // SAFETY: bands of slabs are disjoint.
+                    let window = &mut unsafe { grid.window(bands[slab].clone()) };
+                    // SAFETY: as above.
+                    let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
+                    accelerate_nodes(window, &mut { fields }, grid.fields.map(), &self.forces);
+                }
+                (Stage::Probe, ..) => {
+                    let kinds = grid.fields.map();
+                    let planes = planes_across(&bands, slab);
+                    let reach = reach.start..reach.end.max(bands[slab].end);
+                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
+                    let window = &mut unsafe { grid.window(reach.clone()) };
+                    // SAFETY: as above.
+                    let fields = meet.then(|| unsafe { grid.fields.window(reach) });
+                    let reactions = &mut unlocked(&reactions[slab]);
+                    probe(window, fields, kinds, &self.forces, planes, reactions);
+                }
                 (Stage::GridUpdate, ..) => {
                     // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
@@ -181,13 +211,7 @@ impl<const D: usize> Substep<'_, D> {
                 (Stage::Across, ..) => {
                     let kinds = grid.fields.map();
                     let band = bands[slab].clone();
-                    // Lines that begin one plane later: their nodes are within reach.
-                    let last = slab + 1 == slabs.len();
-                    let planes = if slab == 0 { 0 } else { band.start + 1 }..if last {
-                        band.end
-                    } else {
-                        band.end + 1
-                    };
+                    let planes = planes_across(&bands, slab);
                     let reach = reach.start..reach.end.max(band.end);
                     // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     let window = &mut unsafe { grid.window(reach.clone()) };
@@ -221,6 +245,14 @@ impl<const D: usize> Substep<'_, D> {
         let outcomes = outcomes.iter().map(|outcome| *unlocked(outcome));
         outcomes.fold(Outcome::NOTHING, Outcome::and)
     }
+}
+
+/// The planes at which lines begin that a slab treats in a stage across planes: one later, so that their nodes are within reach.
+fn planes_across(bands: &[Range<usize>], slab: usize) -> Range<usize> {
+    let band = &bands[slab];
+    let last = slab + 1 == bands.len();
+    let start = if slab == 0 { 0 } else { band.start + 1 };
+    start..if last { band.end } else { band.end + 1 }
 }
 
 /// A group of any material, cut into slabs.

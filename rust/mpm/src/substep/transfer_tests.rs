@@ -147,12 +147,13 @@ fn there_and_back<const D: usize>(particles: &Set<D>, keeps: bool) -> (Grid<D>, 
             material_friction: MaterialFriction::Uniform(0.0),
             meeting: &Meeting::new(&groups, &[1.0], 1.0, None),
             dt: 0.0,
+            bodies: false,
         },
         bounds: &Bounds::new(walls, &Vector::zeros(), &layout),
         transfer_loss: 0.0,
         is_new: true,
     };
-    let mut sums = vec![Reactions::none(0); slabs.len()];
+    let mut sums = vec![Reactions::none(0, 0); slabs.len()];
     substep.run(
         &[Stage::P2g],
         &mut groups,

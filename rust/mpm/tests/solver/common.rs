@@ -44,6 +44,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         transfer_loss: None,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
+        rigid: Vec::new(),
         openings: Openings::NONE,
         substeps: Substeps::Cfl(None),
         sleep: None,
@@ -118,6 +119,26 @@ impl Bodies {
                 self.body.push(body);
             }
         }
+        self
+    }
+
+    /// The particles that lie where a test says.
+    pub fn only<const D: usize>(mut self, lies: impl Fn(&Vector<D>) -> bool) -> Self {
+        let kept: Vec<bool> = (self.x.chunks(D))
+            .map(|x| lies(&Vector::from_column_slice(x)))
+            .collect();
+        let mut of_numbers = kept.iter().flat_map(|kept| [*kept; D]);
+        self.x.retain(|_| of_numbers.next() == Some(true));
+        let mut of_numbers = kept.iter().flat_map(|kept| [*kept; D]);
+        self.v.retain(|_| of_numbers.next() == Some(true));
+        let mut each = kept.iter();
+        self.material.retain(|_| each.next() == Some(&true));
+        let mut each = kept.iter();
+        self.volume.retain(|_| each.next() == Some(&true));
+        let mut each = kept.iter();
+        self.volume_ratio.retain(|_| each.next() == Some(&true));
+        let mut each = kept.iter();
+        self.body.retain(|_| each.next() == Some(&true));
         self
     }
 

@@ -9,6 +9,7 @@ mod interruption;
 mod laws;
 mod motion;
 mod obstacles;
+mod rigid;
 mod sleep;
 mod start;
 mod transfer;

@@ -1,0 +1,46 @@
+"""`RigidBodies`: where the rigid bodies of a solver are and how they move."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidBodies:
+    """The B rigid bodies of a scene at one instant, in the order of `Scene.rigid`."""
+
+    center: _Floats
+    """Centres of mass (B, D) [m]."""
+    rotation: _Floats
+    """In 2D angles (B,) [rad] in (-pi, pi], anticlockwise; in 3D unit quaternions (B, 4), scalar first.
+
+    0, or 1 0 0 0, is the body as the scene gives it without `rotation`; a cylinder lies along y then.
+    """
+    velocity: _Floats
+    """Velocities of the centres (B, D) [m/s]."""
+    angular_velocity: _Floats
+    """In 2D (B,), anticlockwise, in 3D (B, 3) [rad/s]."""
+
+    @classmethod
+    def of(cls, numbers: _Floats, dim: int) -> Self:
+        """Return the bodies with the numbers (B, 13) of `_core.Solver.rigid`."""
+        center, turn, velocity, spin = np.split(numbers, (3, 7, 10), axis=1)
+        if dim == 2:
+            turn = np.arctan2(2 * turn[:, 0] * turn[:, 3], 1 - 2 * turn[:, 3] ** 2)
+            spin = spin[:, 2]
+        parts = {
+            "center": center[:, :dim],
+            "rotation": turn,
+            "velocity": velocity[:, :dim],
+            "angular_velocity": spin,
+        }
+        for part in parts.values():
+            part.flags.writeable = False
+        return cls(**parts)
+
+    def __len__(self) -> int:
+        return len(self.center)

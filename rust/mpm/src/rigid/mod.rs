@@ -1,0 +1,8 @@
+//! Rigid bodies that the material moves and that move it.
+
+mod bodies;
+mod body;
+mod convert;
+
+pub use bodies::{Bodies, numbers_of, start};
+pub use body::{MOST_BODIES, RigidBody, hull};

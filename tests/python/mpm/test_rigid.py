@@ -1,0 +1,229 @@
+"""Rigid bodies: laws in water, states that are restored, and what is refused."""
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import (
+    Box,
+    BoxObstacle,
+    ConfigError,
+    MpmSolver,
+    RigidBall,
+    RigidBox,
+    RigidCylinder,
+    RigidHull,
+    Scene,
+    SceneError,
+    Water,
+    check,
+    plan,
+    play,
+)
+from hybridmpm.recording import record
+from hybridmpm.render import view_of
+from hybridmpm.scene import HalfSpaceObstacle
+
+
+def _pool(*rigid: Any, level: float = 0.5, resolution: int = 32, **fields: Any) -> Scene:
+    """Return a pool 0.8 m wide with rigid bodies in it."""
+    water = Box(lower=(0.1, 0.1), upper=(0.9, level), material=Water())
+    return Scene(dim=2, resolution=resolution, bodies=[water], rigid=rigid, **fields)
+
+
+def _box(x: float, y: float, width: float, height: float, **fields: Any) -> RigidBox:
+    lower, upper = (x - width / 2, y - height / 2), (x + width / 2, y + height / 2)
+    return RigidBox(lower=lower, upper=upper, **fields)
+
+
+def _depth(solver: MpmSolver, body: RigidBox, side: float) -> float:
+    """Return the height [m] of the water beside a body above its lower face, from its mass."""
+    width, height = np.subtract(body.upper, body.lower)
+    x, spacing = solver.positions, solver.particle_spacing
+    bottom = solver.rigid_bodies.center[0, 1] - height / 2
+    beside = np.abs(x[:, 0] - 0.5) > width / 2 + side
+    above = np.clip((x[:, 1] - bottom) / spacing + 0.5, 0, 1)[beside].sum()
+    return float(above * solver.mass[0] / 1000 / (0.8 - width - 2 * side))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("density", [300, 500, 800])
+def test_the_submerged_share_is_the_ratio_of_the_densities(density: float) -> None:
+    body = _box(0.5, 0.6 - density * 2e-4, 0.3, 0.2, density=density)
+    solver = MpmSolver(_pool(body, resolution=64))
+    solver.advance(1200)
+    depths = []
+    for _ in range(60):
+        solver.advance(20)
+        depths.append(_depth(solver, body, 0.08))
+    share = np.mean(depths) / 0.2
+    assert share == pytest.approx(density / 1000, rel=0.02)
+
+
+@pytest.mark.long
+def test_a_box_that_floats_rights_itself() -> None:
+    # It is flat, so it is stable with its long side down alone.
+    solver = MpmSolver(_pool(_box(0.5, 0.55, 0.3, 0.12, density=400, rotation=0.9), resolution=64))
+    solver.advance(2400)
+    assert abs(math.degrees(solver.rigid_bodies.rotation[0])) < 3
+
+
+def test_a_body_and_water_give_each_other_the_same_momentum() -> None:
+    # Nothing else acts until the splash reaches a wall.
+    body = _box(0.5, 0.56, 0.1, 0.1, density=700, velocity=(1.0, -1.0))
+    solver = MpmSolver(_pool(body, gravity=(0, 0)))
+    mass = 700 * 0.01
+    start = mass * 1.0
+    solver.advance(8)
+    of_body = mass * solver.rigid_bodies.velocity[0, 0]
+    of_water = solver.mass @ solver.velocities[:, 0]
+    assert of_body < 0.99 * start
+    assert of_body + of_water == pytest.approx(start, rel=1e-3)
+
+
+def test_boxes_stand_on_each_other_under_water_and_a_snapshot_keeps_the_bits() -> None:
+    boxes = [_box(0.5 + 0.003 * k, 0.14 + 0.08 * k, 0.1, 0.08, density=2000) for k in range(4)]
+    solver = MpmSolver(_pool(*boxes))
+    solver.advance(40)
+    saved = solver.snapshot()
+    solver.advance(40)
+    moved = solver.rigid_bodies.center - [body.mass_center for body in boxes]
+    assert np.abs(moved).max() < 2e-3
+    other = MpmSolver(_pool(*boxes), threads=2)
+    other.restore(saved)
+    other.advance(40)
+    assert other.rigid_bodies.center.tobytes() == solver.rigid_bodies.center.tobytes()
+    assert other.positions.tobytes() == solver.positions.tobytes()
+
+
+def test_a_body_slides_and_holds_on_an_obstacle() -> None:
+    angle = math.radians(20)
+    normal = (math.sin(angle), math.cos(angle))
+    slope = HalfSpaceObstacle(point=(0.2, 0.8), normal=normal)
+    paths = {}
+    for friction in (0.1, 0.5):
+        place = np.array([0.3, 0.8 - 0.1 * math.tan(angle)]) + 0.05 * np.array(normal)
+        body = _box(*place, 0.1, 0.1, density=1000, rotation=-angle, friction=friction)
+        drop = Box(lower=(0.85, 0.85), upper=(0.9, 0.9), material=Water())
+        walls = {"lower": (0.0, 0.0), "upper": (1.0, 1.0)}
+        solver = MpmSolver(
+            Scene(dim=2, resolution=32, bodies=[drop], rigid=[body], obstacles=[slope], walls=walls)
+        )
+        solver.advance(120)
+        paths[friction] = np.linalg.norm(solver.rigid_bodies.center[0] - place)
+    exact = 0.5 * 9.81 * (math.sin(angle) - 0.1 * math.cos(angle)) * 0.3**2
+    assert paths[0.1] == pytest.approx(exact, rel=0.02)
+    assert paths[0.5] < 1e-4
+
+
+def test_bodies_of_all_shapes_fall_in_space() -> None:
+    shapes = [
+        RigidBox(lower=(0.2, 0.6, 0.2), upper=(0.3, 0.7, 0.3), rotation=(0.3, 0.2, 0.1)),
+        RigidBall(center=(0.5, 0.65, 0.5), radius=0.06),
+        RigidCylinder(start=(0.7, 0.6, 0.7), end=(0.7, 0.7, 0.75), radius=0.05),
+        RigidHull(points=((0.7, 0.6, 0.2), (0.8, 0.6, 0.2), (0.75, 0.6, 0.3), (0.75, 0.7, 0.25))),
+    ]
+    water = Box(lower=(0.1, 0.1, 0.1), upper=(0.9, 0.3, 0.9), material=Water())
+    solver = MpmSolver(Scene(dim=3, resolution=16, bodies=[water], rigid=shapes))
+    start = solver.rigid_bodies.center
+    assert start == pytest.approx(np.array([shape.mass_center for shape in shapes]), abs=1e-6)
+    solver.advance(40)
+    fallen = start - solver.rigid_bodies.center
+    assert fallen[:, 1] == pytest.approx(0.5 * 9.81 * 0.1**2, rel=0.01)
+    assert np.linalg.norm(solver.rigid_bodies.rotation, axis=1) == pytest.approx(1)
+    solver.advance(300)
+    assert (solver.rigid_bodies.center[:, 1] > 0.1).all()
+
+
+def test_water_leaves_room_for_bodies() -> None:
+    body = RigidHull(points=((0.4, 0.3), (0.6, 0.3), (0.5, 0.45)), density=900)
+    particles = _pool(body).sample()
+    assert particles.mass.sum() == pytest.approx(1000 * (0.8 * 0.4 - 0.015), rel=5e-3)
+    assert (body.to_native().signed_distance(particles.x) > 0).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_recordings_have_the_bodies_and_pictures_show_them(dim: int) -> None:
+    lower, upper = (0.4, 0.6, 0.5)[:dim], (0.7, 0.7, 0.6)[:dim]
+    turn = 0.4 if dim == 2 else (0.0, 0.3, 0.4)
+    body = RigidBox(lower=lower, upper=upper, rotation=turn)
+    water = Box(lower=(0.1,) * dim, upper=(0.9, 0.2, 0.9)[:dim], material=Water())
+    recording = record(MpmSolver(Scene(dim=dim, resolution=16, bodies=[water], rigid=[body])), 20, every=10)
+    assert recording.rigid is not None
+    assert recording.rigid[:, 0, 1] == pytest.approx(
+        0.65 - 0.5 * 9.81 * (recording.frames * 0.0025) ** 2, abs=1e-3
+    )
+    view = view_of(recording.scene, recording.types, 128)
+    without = view.draw(recording.positions[0], recording.velocities[0])
+    drawn = (recording.picture(view, 0) != without).any(axis=2)
+    assert 0.01 < drawn.mean() < 0.2
+    corners = body._corners()
+    assert body.moved(corners, recording.rigid[0, 0]) == pytest.approx(corners, abs=1e-6)
+    moved = body.moved(corners, recording.rigid[2, 0])
+    assert body.at_start(moved, recording.rigid[2, 0]) == pytest.approx(corners)
+
+
+def test_a_cylinder_is_where_the_scene_has_it() -> None:
+    body = RigidCylinder(start=(0.3, 0.5, 0.4), end=(0.5, 0.6, 0.7), radius=0.05, rotation=(0.2, 0.3, 0.4))
+    water = Box(lower=(0.1, 0.1, 0.1), upper=(0.9, 0.2, 0.9), material=Water())
+    solver = MpmSolver(Scene(dim=3, resolution=16, bodies=[water], rigid=[body]))
+    corners = body._corners()
+    assert body.moved(corners, solver.rigid_numbers()[0]) == pytest.approx(corners, abs=1e-6)
+    assert body.to_native().signed_distance(corners.astype(np.float32)) == pytest.approx(0, abs=1e-6)
+
+
+def test_scenes_with_bodies_survive_files() -> None:
+    scene = _pool(_box(0.5, 0.6, 0.1, 0.1, rotation=0.2, angular_velocity=3.0, restitution=0.5))
+    assert Scene.from_json(scene.to_json()) == scene
+    assert "polygon" in scene._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        ({"shape": "box", "lower": (0.0, 0.4), "upper": (0.2, 0.5)}, "must lie inside the walls"),
+        ({"shape": "box", "lower": (0.3, 0.4), "upper": (0.4, 0.5), "rotation": (0, 0, 1)}, "one number"),
+        ({"shape": "ball", "center": (0.5, 0.5), "radius": 0.1, "density": 0}, "must be in"),
+        ({"shape": "hull", "points": [(0.2, 0.2), (0.3, 0.3), (0.4, 0.4)]}, "on no common line"),
+        ({"shape": "cylinder", "start": (0.3, 0.3), "end": (0.4, 0.3), "radius": 0.1}, "for dim 3 only"),
+        ({"shape": "ball", "center": (0.5, 0.5), "radius": 0.1, "mass": 3}, "unknown field"),
+    ],
+)
+def test_faults_of_bodies_are_named(body: dict[str, Any], text: str) -> None:
+    with pytest.raises(SceneError, match=text) as caught:
+        _pool(body)
+    assert "rigid[0]" in str(caught.value)
+
+
+def test_bodies_that_overlap_are_refused() -> None:
+    pair = [_box(0.5, 0.6, 0.1, 0.1), _box(0.56, 0.6, 0.1, 0.1)]
+    with pytest.raises(ConfigError, match=r"overlap of rigid\[0\] and rigid\[1\]"):
+        MpmSolver(_pool(*pair))
+    obstacle = BoxObstacle(lower=(0.5, 0.5), upper=(0.6, 0.7))
+    with pytest.raises(ConfigError, match=r"overlap of rigid\[0\] and obstacles\[0\]"):
+        MpmSolver(_pool(pair[0], obstacles=[obstacle]))
+
+
+def test_what_does_not_know_rigid_bodies_says_so() -> None:
+    scene = _pool(_box(0.5, 0.6, 0.2, 0.2))
+    for refused in (
+        lambda: MpmSolver(scene, coarse="1/16"),
+        lambda: plan(scene, max_error=0.5),
+        lambda: play(scene),
+    ):
+        with pytest.raises(ConfigError, match="not made for rigid bodies yet"):
+            refused()
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [(_box(0.5, 0.6, 0.2, 0.05), "4 cells"), (_box(0.5, 0.6, 0.2, 0.2, density=10), "weighs 0.4 kg")],
+)
+def test_check_warns_of_thin_and_light_bodies(body: RigidBox, text: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = check(_pool(body)).findings
+    assert [text in one.problem for one in found if one.field == "rigid[0]"] == [True]
