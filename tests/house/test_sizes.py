@@ -37,10 +37,12 @@ LIMITS = {
     # 265 lines are for bodies within surfaces of triangles.
     # 230 lines are for viscous liquids and their bounds.
     # 195 lines are for obstacles of polygons and meshes, 195 for shapes in files and points of USD.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 40_730),
+    # 650 lines are for rigid bodies: their scenes, their places, findings and pictures.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_380),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
-    "command line": (("python/hybridmpm/cli/**.py",), 2_940),
+    # 10 lines pass rigid bodies on to pictures.
+    "command line": (("python/hybridmpm/cli/**.py",), 2_950),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
@@ -106,7 +108,8 @@ LIMITS = {
     # 170 lines play shapes and keyframes in pages, draw there, and draw the suite's shapes.
     # 120 lines trace texts and pictures.
     # 215 lines are for polygons and meshes as obstacles, and shapes in files.
-    "tests": (("tests/**.py",), 37_285),
+    # 200 lines let rigid bodies float, slide, stack and be restored.
+    "tests": (("tests/**.py",), 37_470),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""
