@@ -69,8 +69,8 @@ pub struct Fields<const D: usize> {
     flows: bool,
     /// By chunk; empty where the scene has a single field.
     holders: Vec<Holder>,
-    /// By chunk: whether a stencil that starts there may touch a slot.
-    near: Vec<bool>,
+    /// By chunk, bit by bit: whether a stencil that starts at that node touches a slot.
+    near: Vec<u8>,
     /// Chunks with a holder.
     held: Vec<u32>,
     /// In ascending order.
@@ -101,7 +101,7 @@ impl<const D: usize> Fields<D> {
             sums,
             flows,
             holders: vec![Holder::NOBODY; chunks],
-            near: vec![false; chunks],
+            near: vec![0; chunks],
             held: Vec::new(),
             slots: Vec::new(),
             starts: vec![0; layout.planes() + 1],
@@ -156,9 +156,9 @@ impl<const D: usize> Fields<D> {
             self.holders[chunk as usize] = Holder::NOBODY;
         }
         for slot in self.slots.drain(..) {
-            for start in starts_near(&self.layout, slot.chunk as usize) {
+            for (start, _) in starts_near(&self.layout, slot.chunk as usize) {
                 if let Some(near) = self.near.get_mut(start) {
-                    *near = false;
+                    *near = 0;
                 }
             }
         }
@@ -248,9 +248,9 @@ impl<const D: usize> Fields<D> {
         for index in (0..self.slots.len()).rev() {
             let chunk = self.slots[index].chunk as usize;
             self.holders[chunk] = Holder::shared(index);
-            for start in starts_near(&self.layout, chunk) {
+            for (start, nodes) in starts_near(&self.layout, chunk) {
                 if let Some(near) = self.near.get_mut(start) {
-                    *near = true;
+                    *near |= nodes;
                 }
             }
         }
@@ -292,18 +292,24 @@ impl<const D: usize> Fields<D> {
     }
 }
 
-/// The chunks where stencils start that may touch a chunk. Stencils are read four nodes wide.
+/// The chunks where stencils start that touch a chunk, and bit by bit the nodes where they do.
 fn starts_near<const D: usize>(
     layout: &Layout<D>,
     chunk: usize,
-) -> impl Iterator<Item = usize> + use<D> {
+) -> impl Iterator<Item = (usize, u8)> + use<D> {
     let offsets: [[usize; 3]; 3] = std::array::from_fn(|a| {
         std::array::from_fn(|b| {
             let b = if D == 3 { b } else { 0 };
             layout.stencil_row([a, b]) / CHUNK
         })
     });
-    let both = move |offset: usize| [chunk.checked_sub(offset), chunk.checked_sub(offset + 1)];
+    const { assert!(CHUNK == u8::BITS as usize) };
+    // Of three nodes side by side, the last two may lie in the next chunk.
+    let last_two = 0b11 << (CHUNK - 2);
+    let both = move |offset: usize| {
+        let before = |by: usize, nodes: u8| Some((chunk.checked_sub(offset + by)?, nodes));
+        [before(0, u8::MAX), before(1, last_two)]
+    };
     offsets.into_iter().flatten().flat_map(both).flatten()
 }
 
@@ -312,7 +318,7 @@ fn starts_near<const D: usize>(
 pub struct FieldMap<'a> {
     flows: bool,
     holders: &'a [Holder],
-    near: &'a [bool],
+    near: &'a [u8],
     slots: &'a [Slot],
 }
 
@@ -402,7 +408,7 @@ impl<'a> FieldMap<'a> {
     /// Whether a stencil that starts at this node may touch a slot.
     #[inline(always)]
     fn near(&self, start: usize) -> bool {
-        self.near[start / CHUNK]
+        self.near[start / CHUNK] >> (start % CHUNK) & 1 != 0
     }
 
     /// The node of a field that stands for a node of the grid; None where the grid's own node does. The field reaches it.
@@ -587,14 +593,6 @@ impl<'a, const D: usize> FieldWindow<'a, D> {
     }
 }
 
-/// Nodes side by side, behind them an empty one.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Row {
-    pub nodes: [f32x4; 4],
-    /// See `Grid`.
-    pub old: [f32; 16],
-}
-
 /// The nodes of the slots of some planes, to be read.
 #[derive(Clone, Copy)]
 pub struct FieldView<'a, const D: usize> {
@@ -612,24 +610,30 @@ impl<const D: usize> FieldView<'_, D> {
         self.map.near(start)
     }
 
-    /// Three nodes side by side of a field that reaches them, its own or the grid's, and whether some are its own.
+    /// Writes three nodes side by side of a field that reaches them, its own or the grid's, and what they keep of before forces
+    /// (see `Grid`). Returns whether some are its own.
     #[inline(always)]
-    pub fn row(&self, grid: View<'_, D>, index: usize, field: u16) -> (Row, bool) {
+    pub fn row(
+        &self,
+        grid: View<'_, D>,
+        index: usize,
+        field: u16,
+        (to_nodes, to_old): (&mut [f32x4; 4], &mut [f32; 16]),
+    ) -> bool {
         let places = self.map.nodes(index, field);
-        let mut row = Row::default();
         let numbers = Layout::<D>::OLD;
         for step in 0..3 {
             let (place, nodes, old) = match places[step] {
                 Some(place) => (place - self.first, self.nodes, self.old),
                 None => (index + step - grid.first, grid.nodes, grid.old),
             };
-            row.nodes[step] = nodes[place];
+            to_nodes[step] = nodes[place];
             if !old.is_empty() {
-                row.old[step * numbers..(step + 1) * numbers]
+                to_old[step * numbers..(step + 1) * numbers]
                     .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
             }
         }
-        (row, places[0].is_some() | places[2].is_some())
+        places[0].is_some() | places[2].is_some()
     }
 
     /// Masses of a field on a chunk [kg]; none where it does not reach.

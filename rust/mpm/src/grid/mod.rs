@@ -9,7 +9,7 @@ mod view;
 mod window;
 
 pub use active::ActiveSpans;
-pub use fields::{FieldMap, FieldSums, FieldView, FieldWindow, Fields, NodePlace, Row, Slopes};
+pub use fields::{FieldMap, FieldSums, FieldView, FieldWindow, Fields, NodePlace, Slopes};
 pub use layout::{CHUNK, Layout, MARGIN, PADDING, Place, Span};
 pub use nodes::{Grid, SMALLEST_MASS};
 pub use stencil::{Stencil, Stencils, spline};

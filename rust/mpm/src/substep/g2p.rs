@@ -7,11 +7,10 @@
 use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles, Reactions};
-use crate::grid::{FieldView, Layout, Row, Stencils, View};
+use crate::grid::{FieldView, Layout, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
-use crate::substep::p2g::for_each_row;
 
 /// Result of a substep for some particles and nodes.
 #[derive(Debug, Clone, Copy)]
@@ -348,35 +347,38 @@ impl<const D: usize> Kernel for GatherOwn<'_, '_, D> {
     fn run<Q: Quad>(mut self) {
         let (own, layout) = (self.own, &self.grid.layout);
         let keeps_in_2d = D == 2 && !self.grid.old.is_empty();
-        let mut rows = [[Row::default(); 3]; 3];
+        // Behind each row is an empty node.
+        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
+        let mut old_rows = [[[0.0; 16]; 3]; 3];
         let (mut previous, mut touches) = (usize::MAX, false);
         for i in 0..self.count {
             let start = self.stencils.start[i] as usize;
             if !own.fields.near(start) {
                 continue;
             }
-            // Neighbours in the order often have the same nodes. Behind each row is an empty one.
+            // Neighbours in the order often have the same nodes.
             if start != previous {
                 (previous, touches) = (start, false);
-                for_each_row::<D>(|a, b| {
-                    let first = start + layout.stencil_row([a, b]);
-                    let (row, has_own) = own.fields.row(self.grid, first, own.field);
-                    rows[a][b] = row;
-                    touches |= has_own;
-                });
+                for a in 0..3 {
+                    for b in 0..if D == 3 { 3 } else { 1 } {
+                        let first = start + layout.stencil_row([a, b]);
+                        let to = (&mut rows[a][b], &mut old_rows[a][b]);
+                        touches |= own.fields.row(self.grid, first, own.field, to);
+                    }
+                }
             }
             if touches {
                 self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| {
-                    let nodes = Q::load(&rows[a][b].nodes);
+                    let nodes = Q::load(&rows[a][b]);
                     if keeps_in_2d {
-                        let [a, b, c, d, ..] = rows[a][b].old;
+                        let [a, b, c, d, ..] = old_rows[a][b];
                         nodes.with_last_numbers([a, b, c, d])
                     } else {
                         nodes
                     }
                 });
                 if let Some(old) = &mut self.old {
-                    let row = |a: usize, b: usize| Q::of_numbers(&rows[a][b].old);
+                    let row = |a: usize, b: usize| Q::of_numbers(&old_rows[a][b]);
                     let quad = sum_up_old(self.stencils, i, row);
                     [old[i], ..] = Q::sums([quad, Q::zero(), Q::zero(), Q::zero()]);
                 }
