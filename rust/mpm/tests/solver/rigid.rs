@@ -89,7 +89,8 @@ fn a_body_lighter_than_the_water_that_follows_it_is_stable() {
     // Its mass is a fifth of that of the water in a cell.
     let mut solver = pool(vec![square([0.5, 0.3], 0.05, 20.0)], 1);
     let mut fastest = 0.0f64;
-    for _ in 0..300 {
+    // It has risen to the surface after 340.
+    for _ in 0..400 {
         run(&mut solver, 1);
         let body = solver.rigid().next().unwrap();
         fastest = fastest.max(body[7].hypot(body[8]));
