@@ -139,7 +139,8 @@ def _demo(entry: Entry) -> tuple[MpmSolver, dict[str, Any]]:
     drawn_on = solver.copy()
     drawn_on.advance(played["frame"])
     sketch = control.parse_strokes([listed["sketches"][entry.settings["sketch"]]])
-    return solver, {"guidance": control.prepare(drawn_on, sketch, hold=played["hold"])}
+    guidance = control.prepare(drawn_on, sketch, method=played["method"], hold=played["hold"])
+    return solver, {"guidance": guidance}
 
 
 def _index(shown: list[Entry]) -> str:

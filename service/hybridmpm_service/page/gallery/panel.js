@@ -55,12 +55,12 @@ function itemOf(name, { title, about }, chosen) {
 }
 
 /** What plays a demonstration, as in presets.js. */
-function presetOf({ scenario, sketch }, { sketches, played: { seed, frame, hold } }) {
+function presetOf({ scenario, sketch }, { sketches, played: { seed, frame, hold, method } }) {
   return {
     scene: { scenario, seed, solver: "mpm", coarse: null },
     frame,
     sketch: sketches[sketch],
-    settings: { hold },
+    settings: { hold, method },
     seconds: 1,
     repeats: false,
   };
