@@ -164,10 +164,12 @@ _EACH_CALL = """async () => {
       ready: [], scenarios: [], scenario: ["NAME", 1], models: [], plan: [{ scenario: "NAME", budget_ms: 1 }],
       check: [{ scene: {} }], create: [{ scenario: "NAME", seed: 1, coarse: "1/16" }], sessions: [],
       session: ["ID"], makeDataset: [{ scenario: "NAME", trajectories: 1 }], jobs: [], job: ["ID"],
+      outlines: [{ text: "O", center: [0.5, 0.5], height: 0.3 }],
+      shape: [new Blob(["x"]), "svg", { height: 0.3, x: 0.5 }],
     }],
     [session, {
-      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], startFile: [], fork: [], log: [],
-      decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [], pressure: [],
+      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [],
+      fork: [], log: [], decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [], pressure: [],
       trace: [stroke.points, {}, { stride: 2 }], record: [{ frames: 3, format: "gif" }],
       link: [{ seconds: 9 }], takeLinksBack: [], delete: [{ after: 60 }],
     }],
@@ -200,8 +202,8 @@ def test_the_client_has_each_call_of_the_service_and_nothing_else(page: Page, se
     for method, path, fields, headers in made["calls"]:
         assert headers["Authorization"] == "Bearer KEY"
         operation = there[method, path.removeprefix("/below")]
-        content = operation.get("requestBody", {}).get("content", {"application/json": {"schema": {}}})
-        schema = content["application/json"]["schema"]
+        content = operation.get("requestBody", {}).get("content", {})
+        schema = content.get("application/json", {"schema": {}})["schema"]
         schema = document["components"]["schemas"].get(schema.get("$ref", "").rpartition("/")[2], {})
         known = {one["name"] for one in operation.get("parameters", ())} | set(schema.get("properties", ()))
         assert set(fields) <= known, (method, path)

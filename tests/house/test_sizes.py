@@ -38,7 +38,7 @@ LIMITS = {
     # 230 lines are for viscous liquids and their bounds.
     # 195 lines are for obstacles of polygons and meshes, 195 for shapes in files and points of USD.
     # 650 lines are for rigid bodies: their scenes, their places, findings and pictures.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_380),
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_400),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     # 10 lines pass rigid bodies on to pictures.
@@ -109,7 +109,7 @@ LIMITS = {
     # 120 lines trace texts and pictures.
     # 215 lines are for polygons and meshes as obstacles, and shapes in files.
     # 200 lines let rigid bodies float, slide, stack and be restored.
-    "tests": (("tests/**.py",), 37_470),
+    "tests": (("tests/**.py",), 37_490),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""

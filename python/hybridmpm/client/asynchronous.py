@@ -229,6 +229,30 @@ class AsyncClient:
             raise ConfigError(f"the service has answered no shape: {sketch.kind}")
         return sketch
 
+    async def shape(self, file: bytes, kind: str, *, center: Sequence[float], height: float) -> Json:
+        """Return the shape in a file as fields of a body or an obstacle.
+
+        Parameters
+        ----------
+        file : bytes
+            Content of the file.
+        kind : "stl", "obj", "ply", "glb", "svg" or "png"
+            Ending of its name; the first four have surfaces for 3D.
+        center : sequence of 2 or 3 floats
+            Middle of the box around the shape [m].
+        height : float
+            Its length along y [m].
+
+        Raises
+        ------
+        ServiceError
+            There is no shape in the file, or its surface is not closed; the message names the open edges.
+        """
+        place = dict(zip("xyz", center, strict=False))
+        where = {"kind": kind, "height": height, **place}
+        found: Json = (await self.request("POST", "/v1/shapes", params=where, content=file)).json()
+        return found
+
     async def sessions(self) -> list["AsyncSession"]:
         """Return all sessions of the service, oldest first."""
         return [AsyncSession(self, info) for info in await self._list("sessions")]
@@ -307,6 +331,11 @@ class AsyncSession:
     async def start_file(self) -> bytes:
         """Return what a solver in a browser needs to go on from the present state; only MPM has it."""
         return (await self._client.request("GET", f"{self._path}/start")).content
+
+    async def surface(self, kind: Literal["glb", "ply"] = "glb") -> bytes:
+        """Return the surface of each material of a session in 3D, as a file of triangles."""
+        accept = {"Accept": "model/gltf-binary" if kind == "glb" else "application/x-ply"}
+        return (await self._client.request("GET", f"{self._path}/surface", headers=accept)).content
 
     async def fork(self) -> "AsyncSession":
         """Create a session that continues from the present state of this one."""

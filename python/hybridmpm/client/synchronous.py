@@ -149,6 +149,7 @@ class Session(_Waiting[AsyncSession]):
     advance = _waits(AsyncSession.advance)
     particles = _waits(AsyncSession.particles)
     start_file = _waits(AsyncSession.start_file)
+    surface = _waits(AsyncSession.surface)
     fork = _makes(AsyncSession.fork, lambda one: Session(one))  # noqa: PLW0108 - not defined yet
     log = _waits(AsyncSession.log)
     decisions = _waits(AsyncSession.decisions)
@@ -213,6 +214,7 @@ class Client(_Waiting[AsyncClient]):
     models = _waits(AsyncClient.models)
     plan = _waits(AsyncClient.plan)
     outlines = _waits(AsyncClient.outlines)
+    shape = _waits(AsyncClient.shape)
     create = _makes(AsyncClient.create, Session)
     check = _waits(AsyncClient.check)
     sessions = _makes(AsyncClient.sessions, lambda found: [Session(one) for one in found])

@@ -109,6 +109,7 @@ export class Session {
   advance(frames?: number): Promise<api.SessionBody>;
   particles(): Promise<Particles>;
   particlesFile(kind: "npz" | "ply" | "vtp"): Promise<Blob>;
+  surfaceFile(kind: "glb" | "ply"): Promise<Blob>;
   startFile(): Promise<ArrayBuffer>;
   /** Another session that goes on from the present state. */
   fork(): Promise<Session>;

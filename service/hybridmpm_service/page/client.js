@@ -212,6 +212,12 @@ export class Session {
     return (await this.#client.call("GET", `${this.#path}/start`)).arrayBuffer();
   }
 
+  /** Its surface in 3D as triangles: "glb" or "ply". */
+  async surfaceFile(kind) {
+    const accept = kind === "glb" ? "model/gltf-binary" : "application/x-ply";
+    return (await this.#client.call("GET", `${this.#path}/surface`, { accept })).blob();
+  }
+
   async fork() {
     return new Session(this.#client, await this.#client.json("POST", `${this.#path}/fork`));
   }

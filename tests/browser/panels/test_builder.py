@@ -143,7 +143,7 @@ def test_faults_are_named_and_nothing_is_lost(open_page: Open, service: LiveServ
     expect(_things(visit)).to_have_count(2)
     findings.get_by_role("button", name="Show").first.click()
     expect(visit.page.locator("#build-name")).to_have_text("Jelly")
-    visit.page.get_by_label("Shape").select_option("ball")
+    visit.page.get_by_role("combobox", name="Shape").select_option("ball")
     visit.page.get_by_label("Middle x").fill("0.75")
     visit.page.get_by_label("Middle x").blur()
     scene = _simulated(visit, service)

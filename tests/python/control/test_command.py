@@ -164,7 +164,7 @@ def test_shapes_and_goals_in_turn_are_read_from_files(folder: Path) -> None:
     [
         ({"text": "I"}, "center is missing beside text, in metres"),
         ({"text": "I", "path": "M0 0"}, "must be an object with one of strokes, sketch, text, picture"),
-        ({"path": "M0 0L1", "center": [0.5, 0.5], "height": 0.1}, "path: L needs 2 numbers at a time"),
+        ({"path": "M0 0L1", "center": [0.5, 0.5], "height": 0.1}, "command 'L' expects 2 values"),
         ({"sketch": {"kind": "star"}}, "sketch: it must have a kind"),
         ({"strokes": [], "height": 1}, "height: there is no such field beside strokes"),
         ({"keyframes": [{"frames": 5}]}, "must be an object with one of"),

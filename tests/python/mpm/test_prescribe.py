@@ -115,5 +115,5 @@ def test_scenes_whose_particles_come_go_or_sleep_are_refused() -> None:
     sink = MpmSolver(block(sinks=(BallSink(center=(0.5, 0.2), radius=0.05),)))
     asleep = MpmSolver(block(), sleep=Sleep())
     for solver in (sink, asleep):
-        with pytest.raises(ConfigError, match="without emitters, sinks and sleep"):
+        with pytest.raises(ConfigError, match="without emitters, sinks, sleep and rigid bodies"):
             solver.prescribe(solver.positions, solver.velocities, 1)

@@ -41,6 +41,16 @@ ONE = np.linspace(0.5, 1.5, N, dtype=np.float32)
 WATER = _native.Material.water(density=1000.0, bulk_modulus=1e5)
 KIND = (np.arange(N) % 2).astype(np.uint8)
 BALL = _native.Obstacle.ball((0.5, 0.5), 0.2)
+RIGID = _native.RigidBody.ball(
+    (0.5, 0.5),
+    0.2,
+    rotation=(0.0,),
+    density=500.0,
+    velocity=(0.0, 0.0),
+    angular_velocity=(0.0,),
+    friction=0.3,
+    restitution=0.0,
+)
 SPACE = np.array([[0.2, 0.2, 0.2], [0.8, 0.2, 0.2], [0.2, 0.8, 0.2], [0.2, 0.2, 0.8]], dtype=np.float32)
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], dtype=np.uint32)
 LINES = {"lines": RNG.uniform(size=(12, 2)), "starts": np.array([0, 5, 12], dtype=np.uint32)}
@@ -132,6 +142,7 @@ FORCE = RNG.normal(size=(3, N, 2)).astype(np.float32)
 WALLS = {"sites": X[:4], "jitter": np.zeros((3, 4, 2), dtype=np.float32)}
 NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
     "Obstacle.signed_distance": (BALL.signed_distance, {"x": X}),
+    "RigidBody.signed_distance": (RIGID.signed_distance, {"x": X}),
     "Obstacle.polygon": (
         lambda vertices: _native.Obstacle.polygon(vertices).signed_distance(X),
         {"vertices": X[:8]},

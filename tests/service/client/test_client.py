@@ -72,10 +72,12 @@ def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pyt
         *(client.ready(), client.scenarios(), client.scenario("NAME"), client.models(), client.plan("NAME")),
         *(client.create("NAME"), client.check("NAME"), client.sessions(), client.session("ID")),
         client.outlines(text="O", center=(0.5, 0.5), height=0.3),
+        client.shape(b"", "svg", center=(0.5, 0.5), height=0.3),
         *(client.make_dataset("NAME", 1), client.jobs(), client.job("ID")),
         *(session.refresh(), session.advance(), session.particles(), session.fork(), session.log()),
         *(
             session.start_file(),
+            session.surface(),
             session.decisions(),
             session.steer(ARROW),
             session.force(),
