@@ -21,6 +21,7 @@ const state = {
   timer: 0,
   checked: null, // the things of the newest check
   number: 0, // number of the newest check; answers to older ones are dropped
+  ofFile: false, // whether the status is about a file
 };
 
 const draft = new Draft(changed);
@@ -69,9 +70,11 @@ async function check() {
   if (draft.edited) store(draft.scene);
   if (draft.things.length === 0) {
     showFindings([]);
-    setText("build-status", "");
+    // What was wrong with a file stays: the check of an empty box may come after it.
+    if (!state.ofFile) setText("build-status", "");
     return null;
   }
+  state.ofFile = false;
   setText("build-status", "The scene is being checked.");
   try {
     const answer = await client.check({ scene: draft.scene });
@@ -133,6 +136,7 @@ function add(name) {
 async function addFile(file) {
   const kind = file.name.split(".").at(-1).toLowerCase();
   const [[left, bottom], [right, top]] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
+  state.ofFile = true;
   setText("build-status", `${file.name} is being read.`);
   try {
     if (SURFACES.includes(kind)) {
