@@ -169,7 +169,8 @@ _EACH_CALL = """async () => {
     }],
     [session, {
       refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [],
-      fork: [], log: [], decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [], pressure: [],
+      fork: [], log: [], decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [],
+      pressure: [],
       trace: [stroke.points, {}, { stride: 2 }], record: [{ frames: 3, format: "gif" }],
       link: [{ seconds: 9 }], takeLinksBack: [], delete: [{ after: 60 }],
     }],

@@ -207,8 +207,8 @@ def test_every_module_is_loaded_at_once_or_on_demand_and_the_page_stays_small() 
     others = ("index.html", "style.css", "icon.svg")
     sent = [changed["main.js"].encode(), *((folder / name).read_bytes() for name in others)]
     # 3 kB smooth liquids in space without a graphics card, show the depth of strokes; 3 kB are the client;
-    # 1 kB is the card of lessons; 1 kB traces shapes, and follows sketches in turn; 1.5 kB draw polygons, meshes
-    # and liquids.
+    # 1 kB is the card of lessons; 1 kB traces shapes, and follows sketches in turn; 1.5 kB draw polygons,
+    # meshes and liquids.
     assert sum(len(gzip.compress(one)) for one in sent) < 91_000
 
 
