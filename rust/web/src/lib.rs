@@ -200,6 +200,22 @@ pub extern "C" fn forces(player: &mut Player) -> *const f64 {
     }
 }
 
+/// Number of rigid bodies.
+#[unsafe(no_mangle)]
+pub extern "C" fn rigid_count(player: &Player) -> usize {
+    player.rigid_count()
+}
+
+/// 13 numbers of each rigid body in double precision: centre of mass [m], unit quaternion of its turn with the scalar first,
+/// velocity [m/s] and angular velocity [rad/s]; null without rigid bodies.
+#[unsafe(no_mangle)]
+pub extern "C" fn rigid(player: &mut Player) -> *const f64 {
+    match player.rigid() {
+        [] => null(),
+        numbers => numbers.as_ptr(),
+    }
+}
+
 /// 32 bytes: SHA-256 of ids (u64), positions and velocities (f32); null where they cannot be computed.
 #[unsafe(no_mangle)]
 pub extern "C" fn digest(player: &mut Player) -> *const u8 {

@@ -273,6 +273,17 @@ impl Player {
         &self.numbers
     }
 
+    pub fn rigid_count(&self) -> usize {
+        self.solver.settings().rigid.len()
+    }
+
+    /// 13 numbers of each rigid body, as `Solver::rigid` has them.
+    pub fn rigid(&mut self) -> &[f64] {
+        self.doubles.clear();
+        self.doubles.extend(self.solver.rigid().flatten());
+        &self.doubles
+    }
+
     fn time(&self) -> f64 {
         self.frame() as f64 * f64::from(self.frame_dt())
     }
