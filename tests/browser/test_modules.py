@@ -168,7 +168,7 @@ _EACH_CALL = """async () => {
       shape: [new Blob(["x"]), "svg", { height: 0.3, x: 0.5 }],
     }],
     [session, {
-      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [],
+      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [], ways: [],
       fork: [], log: [], decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [],
       pressure: [],
       trace: [stroke.points, {}, { stride: 2 }], record: [{ frames: 3, format: "gif" }],

@@ -332,6 +332,10 @@ class AsyncSession:
         """Return what a solver in a browser needs to go on from the present state; only MPM has it."""
         return (await self._client.request("GET", f"{self._path}/start")).content
 
+    async def ways(self) -> bytes:
+        """Return the law of the sketch that steers, which a solver in a browser follows as well."""
+        return (await self._client.request("GET", f"{self._path}/ways")).content
+
     async def surface(self, kind: Literal["glb", "ply"] = "glb") -> bytes:
         """Return the surface of each material of a session in 3D, as a file of triangles."""
         accept = {"Accept": "model/gltf-binary" if kind == "glb" else "application/x-ply"}

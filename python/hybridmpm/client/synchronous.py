@@ -149,6 +149,7 @@ class Session(_Waiting[AsyncSession]):
     advance = _waits(AsyncSession.advance)
     particles = _waits(AsyncSession.particles)
     start_file = _waits(AsyncSession.start_file)
+    ways = _waits(AsyncSession.ways)
     surface = _waits(AsyncSession.surface)
     fork = _makes(AsyncSession.fork, lambda one: Session(one))  # noqa: PLW0108 - not defined yet
     log = _waits(AsyncSession.log)

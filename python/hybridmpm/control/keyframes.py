@@ -222,6 +222,14 @@ class Sequence:
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds | None:
         """Return the force some frames after the start, as a law does."""
+        first, guidance = self.leading(simulator, index)
+        return guidance.law.force(simulator, index - first)
+
+    def leading(self, simulator: Simulator, index: int) -> tuple[int, Guidance]:
+        """Return the guidance that leads some frames after the start, and the frames after which it began.
+
+        In the first frame of a keyframe it is planned, from the present state.
+        """
         number = self.number_at(index)
         leg = self.legs[number]
         known, first, guidance = self._current
@@ -229,7 +237,7 @@ class Sequence:
         if known != number or first > index or (index == leg.start and number > 0):
             first, guidance = index, self._planned(simulator, leg, index)
             self._current = number, first, guidance
-        return guidance.law.force(simulator, index - first)
+        return first, guidance
 
     def _planned(self, simulator: Simulator, leg: Leg, index: int) -> Guidance:
         """Return the guidance to a goal from the present state."""

@@ -122,7 +122,7 @@ def play(
     about["sketches"], ways = [], b""
     if guidance is not None:
         legs = legs_of(guidance, solver)
-        ways = ways_file(legs, guidance)
+        ways = ways_file(legs, guidance.first_frame, guidance.total_frames)
         ends = [start for start, _ in legs[1:]] + [guidance.total_frames]
         about["sketches"] = [
             {

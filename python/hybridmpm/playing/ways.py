@@ -34,15 +34,24 @@ def legs_of(motion: Led, solver: MpmSolver) -> Legs:
     return legs
 
 
-def ways_file(legs: Legs, motion: Led) -> bytes:
+def ways_file(legs: Legs, first_frame: int, frames: int) -> bytes:
     """Return the laws of a motion, each after the frames at which it begins, little-endian.
+
+    Parameters
+    ----------
+    legs : list of (int, Guidance)
+        None of them where nothing is to be followed.
+    first_frame : int
+        Frame at the start of the motion.
+    frames : int
+        Number of its frames.
 
     Raises
     ------
     ConfigError
         The force of one of them is not that of particles on ways.
     """
-    head = struct.pack("<III", motion.first_frame, motion.total_frames, len(legs))
+    head = struct.pack("<III", first_frame, frames, len(legs))
     laws = [struct.pack("<I", start) + _bytes(guidance) for start, guidance in legs]
     return head + b"".join(laws)
 

@@ -111,6 +111,7 @@ export class Session {
   particlesFile(kind: "npz" | "ply" | "vtp"): Promise<Blob>;
   surfaceFile(kind: "glb" | "ply"): Promise<Blob>;
   startFile(): Promise<ArrayBuffer>;
+  ways(): Promise<ArrayBuffer>;
   /** Another session that goes on from the present state. */
   fork(): Promise<Session>;
   /** What the session can be computed again from. */

@@ -212,6 +212,11 @@ export class Session {
     return (await this.#client.call("GET", `${this.#path}/start`)).arrayBuffer();
   }
 
+  /** The law of the sketch that steers, which a solver in a browser follows; of no frames without one. */
+  async ways() {
+    return (await this.#client.call("GET", `${this.#path}/ways`)).arrayBuffer();
+  }
+
   /** Its surface in 3D as triangles: "glb" or "ply". */
   async surfaceFile(kind) {
     const accept = kind === "glb" ? "model/gltf-binary" : "application/x-ply";

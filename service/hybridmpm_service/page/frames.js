@@ -6,7 +6,7 @@ export const VERSION = 2;
 export const KIND_POSITIONS = 1;
 export const NUMBERS_U16 = 1;
 export const HEADER_BYTES = 32;
-const FLAG_STEERED = 1;
+export const FLAG_STEERED = 1;
 export const FLAG_POPULATION = 2;
 
 /** Types of particles, in DeepMind's numbering. */

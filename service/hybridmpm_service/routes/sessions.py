@@ -39,6 +39,8 @@ After = Annotated[
 ]
 START = "application/x-hybridmpm-start"
 """Media type of a start file."""
+WAYS = "application/x-hybridmpm-ways"
+"""Media type of the law of a sketch."""
 GLB = "model/gltf-binary"
 """Media type of surfaces as glTF."""
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -127,6 +129,20 @@ async def get_start(session_id: SessionId, sessions: Sessions) -> Response:
     """
     _, digest, data = await sessions.get(session_id).start_file()
     return Response(data, media_type=START, headers={"ETag": f'"{digest}"'})
+
+
+@router.get(
+    "/{session_id}/ways",
+    response_class=Response,
+    responses={200: {"content": {WAYS: _BINARY}}, **problems(404, 409, 422, 503)},
+)
+@needs("view")
+async def get_ways(session_id: SessionId, sessions: Sessions) -> Response:
+    """Return the law of the sketch that steers, which a compiled solver in a browser follows as well.
+
+    Of several sketches in turn it is that of the present one. Without a sketch it is a law of no frames.
+    """
+    return Response(await sessions.get(session_id).ways(), media_type=WAYS)
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404, 422, 503))

@@ -294,8 +294,8 @@ class Session:
         Raises
         ------
         LeadRefusedError
-            The session is paused, a network moves the particles, a sketch steers, or another viewer leads or
-            pushes.
+            The session is paused, a network moves the particles, a sketch is planned or steers by a law that
+            tabs do not have, or another viewer leads or pushes.
         SessionNotFoundError, SessionBusyError
             As in `advance`.
         """
@@ -307,21 +307,23 @@ class Session:
             raise LeadRefusedError("another viewer's tab computes the frames: watch them, or try again later")
         if self._pusher not in (None, by):
             raise LeadRefusedError("another viewer's hand pushes: try again when it has let go")
-        if self._planner.control is not None or self.view.steers:
-            raise LeadRefusedError("a sketch steers, which the server plans: try again when it has ended")
+        if self._planner.control is not None:
+            raise LeadRefusedError("a sketch is planned: try again when it steers")
         self._lead = lead = Lead(by)
 
         def begin() -> None:
             frame, digest = self.simulation.frame, self.simulation.particles().digest()
-            hand = self.simulation.note_hand()
+            self.simulation.ways()  # refuses a sketch that the tab cannot follow
+            hand, until = self.simulation.note_hand(), self.simulation.steered_until
             self._reported(frame)
-            self._loop.call_soon_threadsafe(begun, frame, digest, hand)
+            told = {"digest": digest, "push": hand_of(hand), "steered_until": until}
+            self._loop.call_soon_threadsafe(begun, frame, told)
 
-        def begun(frame: int, digest: str, hand: Push | None) -> None:
+        def begun(frame: int, told: dict[str, Any]) -> None:
             if self._lead is lead:
                 lead.upto, lead.silent = frame, 0
                 types = [material.type_id for material in self.scene.materials]
-                by.put_text(note("lead", frame=frame, digest=digest, push=hand_of(hand), types=types))
+                by.put_text(note("lead", frame=frame, types=types, **told))
 
         try:
             await self._call(begin)
@@ -444,6 +446,16 @@ class Session:
             A network moves the particles, or may.
         """
         return await self._call(self.simulation.start_file)
+
+    async def ways(self) -> bytes:
+        """Return what a tab follows from the present frame on; errors as in `advance`.
+
+        Raises
+        ------
+        LeadRefusedError
+            The law of the sketch is none of those that tabs have.
+        """
+        return await self._call(self.simulation.ways)
 
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""

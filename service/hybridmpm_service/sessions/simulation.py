@@ -18,6 +18,7 @@ from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
 from hybridmpm.control import Led, Push, Sequence, restored
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
+from hybridmpm.playing.ways import ways_file
 from hybridmpm.recording import Recording, record
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
@@ -98,6 +99,27 @@ class Steering:
         twin._simulator = simulator  # noqa: SLF001 - of this very class
         twin.guidance = self.guidance.copied()
         return twin
+
+    @property
+    def ends_at(self) -> int:
+        """Frame of the simulator after which nothing is steered."""
+        return (self.control.first_frame or 0) + self.guidance.total_frames
+
+    def ways(self) -> bytes:
+        """Return the law of the next frames, up to the next goal of several, as a tab follows it.
+
+        Raises
+        ------
+        ConfigError
+            The force is not that of particles on ways.
+        """
+        guidance, started, ends_at = self.guidance, self.control.first_frame or 0, self.ends_at
+        if isinstance(guidance, Sequence):
+            index = self.control.frames_done
+            ends_at = started + guidance.legs[guidance.number_at(index)].end
+            since, guidance = guidance.leading(self._simulator, index)
+            started += since
+        return ways_file([(0, guidance)], started, ends_at - started)
 
     def force(self) -> Any:
         """Return the force of the next frame, as `Simulator.advance` takes it."""
@@ -296,6 +318,29 @@ class Simulation:
         if not isinstance(self._solver, MpmSolver):
             raise LeadRefusedError("a tab computes frames of MPM alone: networks run on servers only")
         return self.frame, self._solver.digest(), self._solver.start_file()
+
+    def ways(self) -> bytes:
+        """Return what a tab follows from the present frame on: the law of the sketch, if one steers.
+
+        Raises
+        ------
+        LeadRefusedError
+            The law of the sketch is none of those that tabs have.
+        """
+        if self._steering is None:
+            return ways_file([], 0, 0)
+        try:
+            return self._steering.ways()
+        except ConfigError:
+            raise LeadRefusedError(
+                f"a sketch steers by the method {self._steering.guidance.method}, whose forces only the server "
+                "computes: try again when it has ended"
+            ) from None
+
+    @property
+    def steered_until(self) -> int | None:
+        """Frame after which the sketch that steers acts no longer; None without one."""
+        return None if self._steering is None else self._steering.ends_at
 
     def note_hand(self) -> Push | None:
         """Let the hand act from the present frame on, and return its force."""

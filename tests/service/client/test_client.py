@@ -77,6 +77,7 @@ def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pyt
         *(session.refresh(), session.advance(), session.particles(), session.fork(), session.log()),
         *(
             session.start_file(),
+            session.ways(),
             session.surface(),
             session.decisions(),
             session.steer(ARROW),

@@ -6,16 +6,19 @@ A solver of the library stands for that of the tab, which tests/browser compares
 import contextlib
 import json
 import shutil
+import struct
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import ARROW, OPEN_SCENE, SCENE, SOURCE, Service, problem, until
+from tests.service.conftest import ARROW, OPEN_SCENE, OVAL, SCENE, SOURCE, Service, problem, until
 
-from hybridmpm import Box, DomainError, MpmSolver, Scene
-from hybridmpm.control import push
+from hybridmpm import Box, DomainError, MpmSolver, Scene, _core
+from hybridmpm.control import Keyframe, push
+from hybridmpm.control.laws import Tracked
+from hybridmpm.force import total_force
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import FieldError, LeadRefusedError
 from hybridmpm_service.sessions import lead as leads
@@ -44,6 +47,8 @@ class Tab:
         self.session, self.mailbox, self.solver = session, mailbox, solver
         self.hand: Any = None
         self.inputs: list[Any] = []
+        self.law: tuple[Any, int, int] = (None, 0, 0)
+        self.steered_until = 0
 
     async def text(self, kind: str) -> dict[str, Any]:
         """Return the next text of a kind that the mailbox gets."""
@@ -62,7 +67,32 @@ class Tab:
         # A start file has what a snapshot has; tests/browser open it with the tab's own solver.
         self.solver.restore(self.session.simulation.checkpoint().state)
         assert self.solver.digest() == digest
+        await self.take_law()
+        self.steered_until = begun["steered_until"] or 0
         self.hand = None if begun["push"] is None else Hand(**begun["push"]).push()
+
+    async def take_law(self) -> None:
+        """Follow the law of the sketch that steers, if one does."""
+        data = await self.session.ways()
+        first, frames, laws = struct.unpack_from("<III", data)
+        law = None
+        if laws:
+            assert struct.unpack_from("<II", data, 8) == (1, 0)
+            law = Tracked(_core.Ways.from_bytes(data[16:], self.solver.dim))
+        self.law = law, first, first + frames
+
+    async def follow(self, frames: int) -> None:
+        """Compute frames under sketch and hand; report all of them at each goal, for the next law."""
+        for _ in range(frames):
+            law, first, end = self.law
+            if self.solver.frame == end < self.steered_until:
+                await self.report()
+                await self.take_law()
+                law, first, end = self.law
+            forces = [] if self.hand is None else [self.hand(self.solver)]
+            if law is not None and self.solver.frame < end:
+                forces.insert(0, law.force(self.solver, self.solver.frame - first))
+            self.solver.advance(1, total_force(forces, self.solver.ids, self.solver.dim) if forces else None)
 
     def push(self, force: Any) -> None:
         """Push from the next frame on."""
@@ -206,7 +236,7 @@ async def test_whatever_changes_the_session_ends_the_lead() -> None:
                 lambda: session.advance(2),
                 session.reset,
                 session.release,
-                lambda: session.steer(ARROW, most=400, frames=5),
+                lambda: session.steer(ARROW, most=400, frames=500, method="constant"),
             ]
             for change in changes:
                 await tab.lead()
@@ -216,8 +246,54 @@ async def test_whatever_changes_the_session_ends_the_lead() -> None:
                 await change()
                 assert (await tab.text("unlead"))["frame"] == before
                 assert not session.led
-            with pytest.raises(LeadRefusedError, match="a sketch steers"):
+            with pytest.raises(LeadRefusedError, match="steers by the method constant"):
                 await session.lead(mailbox)
+            assert not session.led
+
+
+TURN = [Keyframe(OVAL, 24, hold=6), Keyframe(ARROW, 20)]
+
+
+@pytest.mark.parametrize(
+    ("scene", "goals"), [(SCENE, OVAL), (OPEN_SCENE, ARROW), (SCENE, TURN)], ids=["oval", "open", "turn"]
+)
+async def test_a_tab_follows_sketches_with_the_states_of_the_session(
+    tmp_path: Path, scene: Scene, goals: Any
+) -> None:
+    async with _manager(tmp_path / "live") as manager:
+        session = await manager.create(SceneSource(data=scene))
+        await session.advance(10)
+        settings = {} if isinstance(goals, list) else {"frames": 40, "hold": 4}
+        with session.viewer() as mailbox:
+            await session.steer(goals, most=400, **settings)
+            # The server begins, and the tab goes on in mid-motion.
+            await session.advance(7)
+            tab = Tab(session, mailbox, MpmSolver(scene))
+            await tab.lead()
+            assert tab.steered_until - tab.solver.frame in range(20, 44)
+            await tab.follow(12)
+            tab.push(push((0.5, 0.5), (1.0, 0.5), 0.1))
+            await tab.follow(6)
+            await tab.report()
+            shutil.copytree(tmp_path / "live", tmp_path / "answered")
+            known = tab.solver.frame
+            assert (await session.particles()).digest() == (digest := tab.solver.digest())
+            tab.push(None)
+            await tab.follow(30)
+            await tab.report()
+            await session.unlead(mailbox, tab.solver.digest())
+            assert (await tab.text("unlead"))["digest"] == tab.solver.digest()
+            assert session.view.control is not None
+            assert session.view.control.phase == "done"
+            assert tab.solver.frame > tab.steered_until
+            session.pause()
+            log = await session.log()
+        assert (await manager.replay(log)).notice is None
+    # The process was killed in mid-motion.
+    async with _manager(tmp_path / "answered") as manager:
+        (session,) = manager.all()
+        assert (session.view.frame, session.notice) == (known, None)
+        assert (await session.particles()).digest() == digest
 
 
 async def test_one_tab_leads_and_in_order() -> None:
@@ -319,6 +395,10 @@ def test_a_stream_takes_the_commands(service: Service) -> None:
         solver = MpmSolver(SCENE)
         solver.advance(first)
         assert answer.content.startswith(b"HMPMPLAY")
+        assert begun["steered_until"] is None
+        answer = service.http.get(f"{path}/ways")
+        assert answer.headers["content-type"] == "application/x-hybridmpm-ways"
+        assert answer.content == bytes(12)
         other.status(led=True, playing=True)
         hand = {"point": [0.5, 0.4], "velocity": [1, 0.5], "radius": 0.1, "cap": 15}
         inputs = [{"frame": first + 2, "push": hand}, {"frame": first + 5, "push": None}]

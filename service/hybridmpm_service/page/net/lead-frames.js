@@ -1,6 +1,6 @@
 // Encoding of the frames that this tab computes, as the stream would have sent them. Pure functions.
 
-import { FLAG_POPULATION, HEADER_BYTES, KIND_POSITIONS, MAGIC, NUMBERS_U16, VERSION } from "../frames.js";
+import { FLAG_POPULATION, FLAG_STEERED, HEADER_BYTES, KIND_POSITIONS, MAGIC, NUMBERS_U16, VERSION } from "../frames.js";
 
 /** The number of an encoded frame. */
 export const numberOf = (buffer) => Number(new DataView(buffer).getBigUint64(8, true));
@@ -13,7 +13,7 @@ export const numberOf = (buffer) => Number(new DataView(buffer).getBigUint64(8, 
  * @param population {ids: BigUint64Array, types: Uint8Array of indices, typeOf: types by index}; null where particles
  *   neither come nor go
  */
-export function encodeFrame({ frame, time, solverMs, positions, dim, length, population }) {
+export function encodeFrame({ frame, time, solverMs, isSteered, positions, dim, length, population }) {
   const count = positions.length / dim;
   const start = HEADER_BYTES + (population === null ? 0 : 4 * count);
   const end = start + 2 * count * dim;
@@ -22,7 +22,7 @@ export function encodeFrame({ frame, time, solverMs, positions, dim, length, pop
   view.setUint32(0, MAGIC, true);
   view.setUint8(4, VERSION);
   view.setUint8(5, KIND_POSITIONS);
-  view.setUint16(6, population === null ? 0 : FLAG_POPULATION, true);
+  view.setUint16(6, (population === null ? 0 : FLAG_POPULATION) | (isSteered ? FLAG_STEERED : 0), true);
   view.setBigUint64(8, BigInt(frame), true);
   view.setFloat64(16, time, true);
   view.setUint32(24, count, true);

@@ -18,6 +18,9 @@ let runs = false;
 let timer = 0;
 let push = null; // the hand, {point, velocity, radius, cap}; null without one
 let inputs = []; // those since the latest report
+const NO_WAYS = new Uint8Array(12); // of no frames
+let steered = { from: 0, to: 0, until: 0 }; // the frames of the law that is followed, and the end of the whole motion
+let waits = false; // whether the law of the next goal has been asked for
 let known = 0; // latest frame that the server has computed
 let pace = { origin: 0, done: 0 }; // when the counting of frames began [ms], and how many were computed since
 let measure = { since: 0, frame: 0 };
@@ -63,6 +66,15 @@ function advance() {
   if (!core.advance(player, 1, numbers.length)) throw failure();
 }
 
+/** Follow the law of a sketch from now on; `until` is the frame in which the last of several goals has been kept. */
+function follow(ways, until) {
+  give(ways);
+  if (!core.follow(player, ways.byteLength)) throw failure();
+  const [from, frames] = new Uint32Array(ways.buffer, ways.byteOffset, 2);
+  steered = { from, to: from + frames, until };
+  waits = false;
+}
+
 /** Send the present state as a frame of the stream. */
 function show(milliseconds) {
   const [count, dim] = [core.count(player), core.dim()];
@@ -77,7 +89,9 @@ function show(milliseconds) {
     : null;
   const frame = core.frame(player);
   const time = frame * given.frameDt;
-  const buffer = encodeFrame({ frame, time, solverMs: milliseconds, positions, dim, length: given.length, population });
+  const isSteered = frame > steered.from && frame <= steered.to;
+  const about = { frame, time, solverMs: milliseconds, isSteered };
+  const buffer = encodeFrame({ ...about, positions, dim, length: given.length, population });
   postMessage({ kind: "frame", buffer }, [buffer]);
 }
 
@@ -89,6 +103,7 @@ function report(now) {
 
 function startPace(now) {
   pace = { origin: now, done: 0 };
+  measure = { since: now, frame: core.frame(player) };
 }
 
 /** Frames that are due at the speed, and not more than the server can follow. */
@@ -100,7 +115,9 @@ function due(now) {
     pace = { origin: now - most / rate, done: 0 };
     owed = most;
   }
-  return Math.min(Math.floor(owed + 1e-9), known + MOST_AHEAD - core.frame(player));
+  const frame = core.frame(player);
+  const nextLaw = steered.to < steered.until ? steered.to - frame : Infinity;
+  return Math.min(Math.floor(owed + 1e-9), known + MOST_AHEAD - frame, nextLaw);
 }
 
 /** Whether the pace of the latest second was kept; true before it is over. */
@@ -124,7 +141,10 @@ function tick() {
     pace.done += done;
     if (done > 0) show((now - began) / done);
     if (now - reported >= REPORT_MS) report(now);
-    if (!keepsUp(now)) postMessage({ kind: "slow" });
+    const arrives = steered.to < steered.until && core.frame(player) === steered.to;
+    if (arrives && !waits) postMessage({ kind: "arrived" });
+    waits = arrives;
+    if (!waits && !keepsUp(now)) postMessage({ kind: "slow" });
     timer = setTimeout(tick, Math.max(0, TICK_MS - (performance.now() - began)));
   } catch (error) {
     runs = false;
@@ -142,8 +162,8 @@ const orders = {
     core = await firstOf(name);
     postMessage({ kind: "ready" });
   },
-  /** Go on from a start file, or without one from the own state, which has the same digest then. */
-  begin({ start, wanted, about }) {
+  /** Go on from a start file, or without one from the own state, which has the same digest then; under a law or none. */
+  begin({ start, ways, wanted, about }) {
     if (start !== null) {
       if (player) core.close(player);
       give(new Uint8Array(start));
@@ -154,12 +174,13 @@ const orders = {
       postMessage({ kind: "other" });
       return;
     }
-    given = { ...about, frameDt: about.frameDt };
+    follow(ways === null ? NO_WAYS : new Uint8Array(ways), wanted.steeredUntil);
+    given = about;
     ({ push } = wanted);
     [inputs, known, runs] = [[], wanted.frame, true];
     const now = performance.now();
     startPace(now);
-    [measure, reported] = [{ since: now, frame: wanted.frame }, now];
+    reported = now;
     postMessage({ kind: "begun" });
     tick();
   },
@@ -173,10 +194,12 @@ const orders = {
   },
   speed({ value }) {
     speed = value;
-    const now = performance.now();
+    if (runs) startPace(performance.now());
+  },
+  follow({ ways }) {
     if (!runs) return;
-    startPace(now);
-    measure = { since: now, frame: core.frame(player) };
+    follow(new Uint8Array(ways), steered.until);
+    startPace(performance.now());
   },
   known({ frame }) {
     known = Math.max(known, frame);

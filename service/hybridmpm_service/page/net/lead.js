@@ -24,6 +24,7 @@ export class Lead {
   #slowAt = Infinity; // lowest speed at which this tab has been too slow for the session
   #notBefore = 0; // when to ask again [ms]
   #begun = null; // the server's message that began
+  #planned = null; // phase of the latest sketch; null without one
   #push = undefined; // what the hand did that the worker does not know yet; undefined where there is nothing
   #waiting = []; // commands that wait for the end
   #ended = []; // called when the lead has ended
@@ -33,8 +34,8 @@ export class Lead {
   #skip = null; // {from, to}: frames of the server that this tab has shown already
 
   /**
-   * @param handlers {send(message), start() -> promise of an ArrayBuffer, frame(ArrayBuffer), changed(isHere),
-   *   lengthOf(scene) -> longest side of its world [m]}
+   * @param handlers {send(message), start(), ways() -> promises of an ArrayBuffer, frame(ArrayBuffer),
+   *   changed(isHere), lengthOf(scene) -> longest side of its world [m]}
    */
   constructor(handlers) {
     this.#handlers = handlers;
@@ -58,6 +59,10 @@ export class Lead {
   note(session) {
     if (this.#session === null) return; // one that is only watched
     this.#session = session;
+    const planned = session.control?.phase ?? null;
+    // What the lead was ended for is planned.
+    if (this.#planned === "preparing" && planned !== "preparing") this.#notBefore = 0;
+    this.#planned = planned;
     this.#worker?.postMessage({ order: "known", frame: session.frame });
     this.consider();
   }
@@ -66,8 +71,8 @@ export class Lead {
   consider() {
     const session = this.#session;
     if (this.#phase !== "none" || session === null || session.solver !== "mpm" || !session.playing || session.led) return;
-    const steers = session.control !== null && session.control.phase !== "done";
-    if (steers || this.#broken || session.speed >= this.#slowAt || performance.now() < this.#notBefore) return;
+    const isPlanned = session.control?.phase === "preparing";
+    if (isPlanned || this.#broken || session.speed >= this.#slowAt || performance.now() < this.#notBefore) return;
     this.#prepare();
     if (!this.#ready) return;
     this.#phase = "asked";
@@ -121,24 +126,40 @@ export class Lead {
     }
     this.#phase = "starts";
     this.#begun = message;
-    this.#load(null);
+    // Under a sketch the session has gone on without this tab.
+    if (message.steered_until === null) this.#load(null, null);
+    else this.#fetch();
   }
 
-  /** Give the state to the worker: its own if that is the same, else that of a start file. */
-  #load(start) {
-    const { frame, digest, push, types } = this.#begun;
+  /** Give the state to the worker, its own if that is the same, else that of a start file; and what steers from there. */
+  #load(start, ways) {
+    const { frame, digest, push, types, steered_until: steeredUntil } = this.#begun;
     const about = { types, hasPopulation: this.#scene.isOpen, length: this.#scene.length, frameDt: this.#scene.frameDt };
     this.#order("speed", { value: this.#session.speed });
-    this.#order("begin", { start, wanted: { frame, digest, push }, about });
+    this.#order("begin", { start, ways, wanted: { frame, digest, push, steeredUntil }, about });
   }
 
   async #fetch() {
     const begun = this.#begun;
+    begun.fetched = true;
+    const steers = begun.steered_until !== null;
     try {
-      const start = await this.#handlers.start();
-      if (this.#phase === "starts" && this.#begun === begun) this.#load(start);
+      const found = await Promise.all([this.#handlers.start(), steers ? this.#handlers.ways() : null]);
+      if (this.#phase === "starts" && this.#begun === begun) this.#load(...found);
     } catch {
-      if (this.#phase === "starts") this.#giveUp();
+      if (this.#phase === "starts" && this.#begun === begun) this.#giveUp();
+    }
+  }
+
+  /** The law of the next of several goals, which the server plans in the state that it gets of this tab. */
+  async #continue() {
+    const begun = this.#begun;
+    await this.flush();
+    try {
+      const ways = await this.#handlers.ways();
+      if (this.#phase === "leads" && this.#begun === begun) this.#order("follow", { ways });
+    } catch {
+      if (this.#phase === "leads" && this.#begun === begun) this.end();
     }
   }
 
@@ -170,10 +191,10 @@ export class Lead {
         break;
       case "other":
         if (this.#begun.fetched) this.#fail();
-        else {
-          this.#begun.fetched = true;
-          this.#fetch();
-        }
+        else this.#fetch();
+        break;
+      case "arrived":
+        if (this.#phase === "leads") this.#continue();
         break;
       case "begun":
         if (this.#phase !== "starts") {

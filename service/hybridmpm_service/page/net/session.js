@@ -48,6 +48,7 @@ export class SessionClient {
     this.#lead = new Lead({
       send: (message) => this.#state === "live" && this.#socket.send(JSON.stringify(message)),
       start: () => this.#session.startFile(),
+      ways: () => this.#session.ways(),
       frame,
       changed,
       lengthOf,
@@ -158,7 +159,8 @@ export class SessionClient {
   }
 
   /** Let no sketch steer the simulation any more. */
-  release() {
+  async release() {
+    await this.#lead?.end();
     return this.#session.release();
   }
 
