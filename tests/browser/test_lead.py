@@ -89,6 +89,16 @@ def push_and_pause(visit: Visit, messages: Messages) -> None:
     assert messages.asked() >= messages.answered()
 
 
+def replays(service: LiveService, session: str) -> dict[str, Any]:
+    """Compute a session again from its log, end both, and return the log."""
+    log: dict[str, Any] = service.get(f"/v1/sessions/{session}/log")
+    again = service.post("/v1/sessions", {"log": log})
+    assert (again["frame"], again["notice"]) == (log["frame"], None)
+    service.end(session)
+    service.end(again["id"])
+    return log
+
+
 @pytest.mark.parametrize(
     ("name", "coarse"),
     [
@@ -119,10 +129,7 @@ def test_a_session_moves_to_the_tab_and_back_in_mid_splash(
     begun = [one for one in messages.got if one["type"] == "lead"]
     assert begun[0]["frame"] >= 30
     assert any(one["frame"] >= here + 7 and one["push"] is not None for one in begun)
-    log = service.get(f"/v1/sessions/{session}/log")
-    assert len(log["inputs"]) > 3
-    again = service.post("/v1/sessions", {"log": log})
-    assert (again["frame"], again["notice"]) == (log["frame"], None)
+    assert len(replays(service, session)["inputs"]) > 3
 
 
 def test_the_server_goes_on_from_the_log_when_the_tab_is_gone(open_page: Open, service: LiveService) -> None:
@@ -135,10 +142,7 @@ def test_the_server_goes_on_from_the_log_when_the_tab_is_gone(open_page: Open, s
     visit.page.close()
     known = max(one["upto"] for one in messages.got if one["type"] == "led")
     other.wait_for(f"Number(body.frame) > {known} && body.playing === 'true'")
-    log = service.get(f"/v1/sessions/{session}/log")
-    assert log["inputs"][-1]["push"] is None
-    again = service.post("/v1/sessions", {"log": log})
-    assert (again["frame"], again["notice"]) == (log["frame"], None)
+    assert replays(service, session)["inputs"][-1]["push"] is None
 
 
 def test_a_tab_that_is_too_slow_leaves_the_session_to_the_server(
@@ -157,18 +161,65 @@ def test_a_tab_that_is_too_slow_leaves_the_session_to_the_server(
     assert len([one for one in messages.sent if one["type"] == "lead"]) == 1
 
 
+HOOK = [[[0.3, 0.3], [0.7, 0.3], [0.7, 0.65], [0.55, 0.65], [0.55, 0.45], [0.3, 0.45]]]
+ARROW = {"kind": "arrow", "points": [[0.3, 0.3], [0.55, 0.5]]}
+IN_TURN = [
+    {"sketch": {"kind": "shape", "outlines": HOOK}, "frames": 80, "hold": 20},
+    {"sketch": ARROW, "frames": 60},
+]
+"""Places in the shape are matched anew on the way."""
+
+
+@pytest.mark.parametrize(
+    ("name", "coarse"),
+    [
+        ("water_2d", None),
+        pytest.param("water_3d", None, marks=pytest.mark.long),
+        pytest.param("water_2d", "1/16", marks=pytest.mark.long),
+        pytest.param("water_ramps_2d", None, marks=pytest.mark.long),
+    ],
+)
+def test_a_tab_follows_sketches_under_a_hand(
+    open_page: Open, service: LiveService, name: str, coarse: str | None
+) -> None:
+    messages = Messages()
+    body = {"scenario": name, "seed": 3} | ({} if coarse is None else {"coarse": coarse})
+    visit, session = attached(open_page, service, body, messages)
+    service.post(f"/v1/sessions/{session}/sketches", {"keyframes": IN_TURN})
+    push_and_pause(visit, messages)
+    while service.get(f"/v1/sessions/{session}")["control"]["phase"] != "done":
+        push_and_pause(visit, messages)
+    visit.page.mouse.up()
+    begun = [one["steered_until"] for one in messages.got if one["type"] == "lead"]
+    assert begun[0] == 30 + 160
+    replays(service, session)
+
+
 @pytest.mark.long
-def test_a_sketch_steers_on_the_server(open_page: Open, service: LiveService) -> None:
+def test_a_sketch_that_is_drawn_steers_in_the_tab(open_page: Open, service: LiveService) -> None:
     messages = Messages()
     visit, session = attached(open_page, service, {"scenario": "water_2d", "seed": 3}, messages)
+    visit.page.locator("#speed").fill("-2")
+    visit.eventually(lambda: service.get(f"/v1/sessions/{session}")["speed"] < 0.02)
     play_here(visit)
     visit.page.keyboard.press("a")
-    visit.drag([(0.4, 0.3), (0.5, 0.4), (0.6, 0.5)])
-    visit.eventually(lambda: service.get(f"/v1/sessions/{session}")["control"] is not None)
-    visit.wait_for("body.simulated === 'server'")
-    visit.eventually(lambda: service.get(f"/v1/sessions/{session}")["control"]["phase"] == "done")
+    path = f"/v1/sessions/{session}"
+    for number, end in enumerate([(0.6, 0.5), (0.4, 0.5)], start=1):
+        # The second one replaces the first in mid-motion.
+        visit.drag([(0.4, 0.3), (0.5, 0.4), end])
+        visit.eventually(lambda number=number: (service.get(path)["control"] or {}).get("number") == number)
+        visit.eventually(
+            lambda number=number: (
+                [one["steered_until"] is None for one in messages.got if one["type"] == "lead"][number:]
+                == [False]
+            )
+        )
+        visit.wait_for("body.simulated === 'here'")
+        assert service.get(path)["control"]["phase"] in ("steering", "out_of_reach")
+    # It is taken back, and the tab goes on without.
+    visit.page.keyboard.press("Escape")
+    visit.eventually(lambda: service.get(path)["control"] is None)
     visit.wait_for("body.simulated === 'here'")
-    visit.press_until("Space", "body.playing === 'false'")
-    push_and_pause(visit, messages)
-    again = service.post("/v1/sessions", {"log": service.get(f"/v1/sessions/{session}/log")})
-    assert again["notice"] is None
+    visit.press_until("Space", "body.playing === 'false' && body.simulated === 'server'")
+    assert messages.asked() == messages.answered()
+    replays(service, session)

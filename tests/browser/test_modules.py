@@ -168,9 +168,9 @@ _EACH_CALL = """async () => {
       shape: [new Blob(["x"]), "svg", { height: 0.3, x: 0.5 }],
     }],
     [session, {
-      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [], ways: [],
+      refresh: [], advance: [2], particles: [], particlesFile: ["ply"], surfaceFile: ["glb"], startFile: [],
       fork: [], log: [], decisions: [], steer: [stroke, { hold: 3 }], sketch: [], release: [], force: [],
-      pressure: [],
+      pressure: [], ways: [],
       trace: [stroke.points, {}, { stride: 2 }], record: [{ frames: 3, format: "gif" }],
       link: [{ seconds: 9 }], takeLinksBack: [], delete: [{ after: 60 }],
     }],

@@ -38,7 +38,8 @@ LIMITS = {
     # 230 lines are for viscous liquids and their bounds.
     # 195 lines are for obstacles of polygons and meshes, 195 for shapes in files and points of USD.
     # 650 lines are for rigid bodies: their scenes, their places, findings and pictures.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_400),
+    # 25 lines let tabs follow sketches.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_425),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     # 10 lines pass rigid bodies on to pictures.
@@ -73,7 +74,8 @@ LIMITS = {
     # 90 lines write the types of the client in JavaScript, bound old frames, and let others read faults.
     # 100 lines trace texts and pictures.
     # 125 lines read shapes of files, and answer surfaces.
-    "service": (("service/**.py",), 12_970),
+    # 75 lines let tabs follow sketches.
+    "service": (("service/**.py",), 13_045),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -109,7 +111,8 @@ LIMITS = {
     # 120 lines trace texts and pictures.
     # 215 lines are for polygons and meshes as obstacles, and shapes in files.
     # 200 lines let rigid bodies float, slide, stack and be restored.
-    "tests": (("tests/**.py",), 37_490),
+    # 130 lines follow sketches in tabs.
+    "tests": (("tests/**.py",), 37_620),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""

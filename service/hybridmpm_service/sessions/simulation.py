@@ -18,7 +18,7 @@ from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
 from hybridmpm.control import Led, Push, Sequence, restored
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
-from hybridmpm.playing.ways import ways_file
+from hybridmpm.playing import ways_file
 from hybridmpm.recording import Recording, record
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
@@ -332,9 +332,10 @@ class Simulation:
         try:
             return self._steering.ways()
         except ConfigError:
+            method = self._steering.guidance.method
             raise LeadRefusedError(
-                f"a sketch steers by the method {self._steering.guidance.method}, whose forces only the server "
-                "computes: try again when it has ended"
+                f"a sketch steers by the method {method}, whose forces only the server computes: try again "
+                "when it has ended"
             ) from None
 
     @property
