@@ -30,6 +30,8 @@ from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
 
+__all__ = ["MODULES", "PlayingPage", "module", "play", "ways_file"]
+
 MODULES = ("plane", "plane-exact", "space", "space-exact")
 """Names of the compiled solvers."""
 _MOST_SOLID_POINTS = 12_000
