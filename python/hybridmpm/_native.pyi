@@ -378,6 +378,12 @@ class RigidBody:
     mass: float
     """[kg], in 2D per metre of depth."""
 
+    def surface(self) -> tuple[list[list[float]], list[list[int]]] | None:
+        """Corners of a hull in 3D from the centre of mass, in its own frame [m], and three of each triangle.
+
+        Triangles are anticlockwise from outside. None of other bodies.
+        """
+
     @staticmethod
     def ball(
         center: Sequence[float],
@@ -911,6 +917,36 @@ class Solver:
     @property
     def mass(self) -> npt.NDArray[np.float32]:
         """(N,) [kg]; a snapshot, read-only."""
+    def pull(
+        self,
+        *,
+        body: int,
+        grip: Sequence[float],
+        target: Sequence[float],
+        reach: float,
+        strength: float,
+    ) -> None:
+        """Pull at a rigid body in the next frame, beside what else does.
+
+        Parameters
+        ----------
+        body : int
+            Its number.
+        grip : D floats
+            Point that is held, from the centre of mass, in the body's own frame [m].
+        target : D floats
+            Point that it is drawn to [m].
+        reach : float > 0
+            Distance from the target at which a spring at rest gives `strength` [m].
+        strength : float > 0
+            Largest force [N], in 2D per metre of depth.
+
+        Raises
+        ------
+        ConfigError
+            There is no such body, or a number is out of range.
+        """
+
     @property
     def rigid(self) -> npt.NDArray[np.float64]:
         """Numbers (B, 13) of the rigid bodies; a snapshot, read-only.

@@ -90,6 +90,27 @@ class Simulator(ABC):
         view = notebook.view_for(self, self.scene, self.materials, width, self.particle_spacing)
         return view.draw(self.positions, self.velocities, self.time, self.rigid_numbers())
 
+    def pull(
+        self,
+        body: int,
+        grip: npt.ArrayLike,
+        target: npt.ArrayLike,
+        *,
+        reach: float,
+        strength: float,
+    ) -> None:
+        """Pull at a rigid body in the next frame; `control.pull` describes the force and its arguments.
+
+        Raises
+        ------
+        ConfigError
+            There is no such rigid body, or a number is out of range.
+        """
+        del body, grip, target, reach, strength
+        raise ConfigError(
+            f"a simulator of kind {self.kind!r} has no rigid bodies: pull at those of an MpmSolver"
+        )
+
     def rigid_numbers(self) -> npt.NDArray[np.float64]:
         """Return the numbers (B, 13) of the scene's rigid bodies, as `_core.Solver.rigid` has them."""
         return np.empty((0, 13))

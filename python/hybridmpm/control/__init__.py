@@ -3,8 +3,8 @@
 `parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. A `Shape` is any closed
 outline, which `shape_of_text`, `shape_of_picture` and `shape_of_path` make. `prepare` returns the effort of
 following one, and `prepare_keyframes` that of several in turn. `follow` lets a simulator follow them, frame
-by frame. `push` is a local force. `reversed_case` makes an example of control whose true end is known, and
-`Oracle` follows it by the forces that lead there.
+by frame. `push` is a local force, `pull` holds a rigid body. `reversed_case` makes an example of control
+whose true end is known, and `Oracle` follows it by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
@@ -28,6 +28,7 @@ from hybridmpm.control.methods.controlnet import ControlNet
 from hybridmpm.control.methods.learned.plan import Learned
 from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.methods.oracle import Oracle
+from hybridmpm.control.pull import Pull, pull
 from hybridmpm.control.push import Push, push
 from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
 from hybridmpm.control.sketch.raster import parse_png
@@ -74,6 +75,7 @@ __all__ = [
     "Obstruction",
     "Oracle",
     "Oval",
+    "Pull",
     "Push",
     "ReversedCase",
     "Sequence",
@@ -94,6 +96,7 @@ __all__ = [
     "plan_motion",
     "prepare",
     "prepare_keyframes",
+    "pull",
     "push",
     "render_png",
     "restored",

@@ -42,5 +42,16 @@ class RigidBodies:
             part.flags.writeable = False
         return cls(**parts)
 
+    def grip(self, body: int, point: npt.ArrayLike) -> _Floats:
+        """Return where a point (D,) [m] is from the centre of a body, in the body's own frame (D,) [m]."""
+        arm = np.asarray(point, dtype=np.float64) - self.center[body]
+        if len(arm) == 2:
+            cosine, sine = np.cos(self.rotation[body]), np.sin(self.rotation[body])
+            return np.array([cosine * arm[0] + sine * arm[1], cosine * arm[1] - sine * arm[0]])
+        # The turn of a vector by the conjugate of a unit quaternion.
+        w, axis = self.rotation[body][0], -self.rotation[body][1:]
+        across = 2 * np.cross(axis, arm)
+        return np.asarray(arm + w * across + np.cross(axis, across))
+
     def __len__(self) -> int:
         return len(self.center)

@@ -298,6 +298,18 @@ class MpmSolver(CoarseSimulator):
         """The B rigid bodies of the scene as they are now; a snapshot, read-only."""
         return RigidBodies.of(self._solver.rigid, self.dim)
 
+    def pull(
+        self, body: int, grip: npt.ArrayLike, target: npt.ArrayLike, *, reach: float, strength: float
+    ) -> None:
+        """Pull at a rigid body in the next frame; see `Simulator.pull`."""
+        self._solver.pull(
+            body=body,
+            grip=np.asarray(grip).tolist(),
+            target=np.asarray(target).tolist(),
+            reach=reach,
+            strength=strength,
+        )
+
     def rigid_numbers(self) -> npt.NDArray[np.float64]:
         """Return the numbers (B, 13) of the rigid bodies; see `Simulator.rigid_numbers`."""
         return self._solver.rigid

@@ -118,6 +118,15 @@ class Rigid(Shaped):
         none = 0.0 if len(self.mass_center) == 2 else (0.0, 0.0, 0.0)
         return rotation_matrix(none if self.rotation is None else self.rotation)
 
+    def solid(self) -> dict[str, Any]:
+        """Return the shape in the body's own frame, whose origin is the centre of mass, as plain data [m].
+
+        A box has its `half` sides, a ball its `radius`, a cylinder `radius` and `half` its length along y, a
+        hull its `corners`, in 2D anticlockwise, in 3D with `triangles` of three each, anticlockwise from
+        outside.
+        """
+        raise NotImplementedError
+
     def outline(self) -> Points:
         """Return the corners (K, 2) around the body at the start as seen along z [m], in order."""
         return _around(self._corners()[:, :2])
@@ -194,6 +203,10 @@ class RigidBox(BoxShape, Rigid):
         sides = np.stack(np.meshgrid(*[(-1.0, 1.0)] * len(middle)), axis=-1).reshape(-1, len(middle))
         return self._turned(sides * np.array(self.extents) / 2) + middle
 
+    def solid(self) -> dict[str, Any]:
+        """Return the half sides; see `Rigid.solid`."""
+        return {"shape": self.shape, "half": [side / 2 for side in self.extents]}
+
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
         return _core.RigidBody.box(self.lower, self.upper, **self._numbers(len(self.lower)))
@@ -212,6 +225,10 @@ class RigidBall(BallShape, Rigid):
         angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
         circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         return np.array(self.center)[:2] + self.radius * circle
+
+    def solid(self) -> dict[str, Any]:
+        """Return the radius; see `Rigid.solid`."""
+        return {"shape": self.shape, "radius": self.radius}
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
@@ -246,6 +263,10 @@ class RigidCylinder(CylinderShape, Rigid):
         rim = self.radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across
         middle = (np.array(self.start) + self.end) / 2
         return self._turned(np.concatenate([rim - half, rim + half])) + middle
+
+    def solid(self) -> dict[str, Any]:
+        """Return radius and half the length; see `Rigid.solid`."""
+        return {"shape": self.shape, "radius": self.radius, "half": math.dist(self.start, self.end) / 2}
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
@@ -290,6 +311,15 @@ class RigidHull(Rigid):
         arms = np.array(self.points) - np.mean(np.array(self.points), axis=0)
         along = arms @ np.linalg.svd(arms)[2].T
         return float(np.ptp(along, axis=0).min())
+
+    def solid(self) -> dict[str, Any]:
+        """Return the corners, in 3D with triangles; see `Rigid.solid`."""
+        native = self.to_native()
+        surface = native.surface()
+        if surface is None:
+            return {"shape": self.shape, "corners": (_around(np.array(self.points)) - native.center).tolist()}
+        corners, triangles = surface
+        return {"shape": self.shape, "corners": corners, "triangles": triangles}
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""

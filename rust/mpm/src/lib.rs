@@ -36,7 +36,7 @@ pub use material::Material;
 pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};
 pub use particles::Sleep;
-pub use rigid::{MOST_BODIES, RigidBody, hull};
+pub use rigid::{MOST_BODIES, Pull, RigidBody, hull};
 pub use settings::SolverSettings;
 pub use snapshot::SNAPSHOT_VERSION;
 pub use solver::{MotionReport, PrescribeOptions, Solver};

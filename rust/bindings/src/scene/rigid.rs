@@ -54,6 +54,9 @@ fn about(dim: usize, name: &str, numbers: &[f64]) -> PyResult<[f32; 3]> {
     }
 }
 
+/// Corners [m] of a surface, and three of them for each triangle.
+type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
 /// The body in the dimension of its first vector.
 macro_rules! build {
     ($length:expr, $common:expr, $D:ident => $shape:expr) => {{
@@ -210,6 +213,16 @@ impl PyRigidBody {
             AnyRigidBody::Plane(body) => body.center().as_slice().to_vec(),
             AnyRigidBody::Space(body) => body.center().as_slice().to_vec(),
         }
+    }
+
+    /// Corners and triangles of a hull in space; None of other bodies.
+    fn surface(&self) -> Option<Triangles> {
+        let AnyRigidBody::Space(body) = &self.inner else {
+            return None;
+        };
+        let surface = body.surface()?;
+        let corners = surface.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
+        Some((corners, surface.facets().to_vec()))
     }
 
     /// Distances are exact, whatever `within`.

@@ -1,6 +1,6 @@
 //! `Solver`: one Python class for both dimensions.
 
-use mpm::{EmitterStatus, Force, MpmError, PrescribeOptions, Sleep};
+use mpm::{EmitterStatus, Force, MpmError, PrescribeOptions, Pull, Sleep};
 use numpy::{
     IntoPyArray, Ix2, Ix3, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArrayMethods,
@@ -15,7 +15,7 @@ use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
 use super::shown::PyUpsampler;
 use crate::convert::{
-    ForWalls, array, cells_or_unit, read_only, slice_of, vectors, wall_contacts, writable,
+    ForWalls, array, cells_or_unit, read_only, slice_of, vector, vectors, wall_contacts, writable,
 };
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle, PyRigidBody};
@@ -294,6 +294,30 @@ impl PySolver {
             .detached(py, |any| with_any!(any, s => s.rigid().flatten().collect()))?;
         let count = numbers.len() / 13;
         numbers.into_pyarray(py).reshape([count, 13]).map(read_only)
+    }
+
+    #[pyo3(signature = (*, body, grip, target, reach, strength))]
+    fn pull(
+        &self,
+        py: Python<'_>,
+        body: usize,
+        grip: Vec<f64>,
+        target: Vec<f64>,
+        reach: f32,
+        strength: f32,
+    ) -> PyResult<()> {
+        self.held.detached(py, |any| {
+            with_any!(any, solver => {
+                let pull = Pull {
+                    body,
+                    grip: vector("grip", &grip)?,
+                    target: vector("target", &target)?,
+                    reach,
+                    strength,
+                };
+                Ok(solver.pull(pull).map_err(NativeError)?)
+            })
+        })?
     }
 
     #[getter]

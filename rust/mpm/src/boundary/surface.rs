@@ -173,6 +173,11 @@ impl<const D: usize> Surface<D> {
         &self.soup.vertices
     }
 
+    /// Three corners each of the triangles, seen anticlockwise from outside; two of segments, the last one twice.
+    pub fn facets(&self) -> &[[u32; 3]] {
+        &self.soup.facets
+    }
+
     /// Lowest and highest corner of a box around the surface [m].
     pub fn bounds(&self) -> [Vector<D>; 2] {
         let (low, high) = (f32::INFINITY, f32::NEG_INFINITY);

@@ -12,6 +12,7 @@ use rigid::{Fixed, Geometry, Matrix3, Placed, Push, Rotation, State, Vector3, Wo
 
 use super::body::{RigidBody, solid_of};
 use super::convert::{double, pose_of, single, spin_matrix};
+use super::pull::Pull;
 use crate::boundary::{Motion, Obstacle, Pose, Probe, Reactions, Shape, Walls, Wrench};
 use crate::error::MpmError;
 use crate::linalg::Vector;
@@ -107,6 +108,17 @@ impl<const D: usize> Bodies<D> {
         state.bodies.iter().map(move |moving| pose_of(moving, dt))
     }
 
+    /// What hands that pull give to bodies in `dt` [s], each with the number of its body.
+    pub fn pulled(&self, state: &State, pulls: &[Pull<D>], dt: f32) -> Vec<(usize, Push)> {
+        let dt = f64::from(dt);
+        let one = |pull: &Pull<D>| {
+            let number = pull.body;
+            let push = pull.push(&self.world.bodies[number], &state.bodies[number], dt);
+            (number, push)
+        };
+        pulls.iter().map(one).collect()
+    }
+
     /// The poses with the velocities that bodies and material will have in common after a substep of length `dt` [s].
     pub fn meet(
         &self,
@@ -114,6 +126,7 @@ impl<const D: usize> Bodies<D> {
         poses: &[Pose<D>],
         first_body: usize,
         reactions: &[Reactions<D>],
+        pulled: &[(usize, Push)],
         dt: f32,
     ) -> Vec<Pose<D>> {
         let mut probes: Vec<Vec<&Probe<D>>> = vec![Vec::new(); poses.len()];
@@ -127,12 +140,17 @@ impl<const D: usize> Bodies<D> {
             .iter()
             .zip(&state.bodies)
             .zip(poses)
-            .zip(probes);
-        each.map(|(((body, moving), pose), probes)| {
+            .zip(probes)
+            .enumerate();
+        each.map(|(number, (((body, moving), pose), probes))| {
             let inertia = body.mass.inertia(&moving.placed.turn);
             let own = inertia_matrix(body.mass.mass, &inertia);
-            let v = moving.v + (self.gravity + moving.support.v) * dt;
-            let w = moving.w + moving.support.w * dt;
+            let mut v = moving.v + (self.gravity + moving.support.v) * dt;
+            let mut w = moving.w + moving.support.w * dt;
+            for (_, push) in pulled.iter().filter(|(body, _)| *body == number) {
+                v += push.impulse / body.mass.mass;
+                w += body.mass.inverse_inertia(&moving.placed.turn) * push.moment;
+            }
             let (v, w) = common_velocity::<D>(&own, [v, w], &double(&pose.center()), &probes);
             pose.moving(single(&v), spin_matrix(&w))
         })
@@ -145,6 +163,7 @@ impl<const D: usize> Bodies<D> {
         state: &mut State,
         poses: &[Pose<D>],
         reactions: &[Reactions<D>],
+        pulled: &[(usize, Push)],
         time: f64,
         dt: f32,
     ) {
@@ -162,6 +181,10 @@ impl<const D: usize> Bodies<D> {
                 impulse,
                 moment: moment - double(&pose.center()).cross(&impulse),
             });
+        }
+        for (number, push) in pulled {
+            pushes[*number].impulse += push.impulse;
+            pushes[*number].moment += push.moment;
         }
         self.world
             .step(state, &fixed, &self.gravity, &pushes, f64::from(dt));

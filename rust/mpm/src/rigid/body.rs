@@ -120,6 +120,14 @@ impl<const D: usize> RigidBody<D> {
         }
     }
 
+    /// The surface of a hull about its centre of mass, in the body's own frame; None of other shapes.
+    pub fn surface(&self) -> Option<Surface<D>> {
+        match self.own_shape() {
+            Shape::Surface(surface) => Some(surface),
+            _ => None,
+        }
+    }
+
     /// Mass [kg], in 2D per metre of depth.
     pub fn mass(&self) -> f64 {
         self.body().mass.mass

@@ -3,6 +3,8 @@
 mod bodies;
 mod body;
 mod convert;
+mod pull;
 
 pub use bodies::{Bodies, numbers_of, start};
 pub use body::{MOST_BODIES, RigidBody, hull};
+pub use pull::Pull;

@@ -13,7 +13,7 @@ use crate::particles::{
     MAX_SLABS, MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide,
     near_ones, with_group,
 };
-use crate::rigid::{Bodies, start as start_bodies};
+use crate::rigid::{Bodies, Pull, start as start_bodies};
 use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
@@ -47,6 +47,8 @@ pub struct Solver<const D: usize> {
     /// State before the frame in progress; kept to reuse its memory.
     pub(super) before: Vec<MaterialGroup<D>>,
     bodies_before: rigid::State,
+    /// Hands that pull in the next frame.
+    pulls: Vec<Pull<D>>,
     pub(super) last_frame: Option<FrameReport>,
 }
 
@@ -127,6 +129,7 @@ impl<const D: usize> Solver<D> {
             sorter: Sorter::default(),
             before: Vec::new(),
             bodies_before: rigid::State::default(),
+            pulls: Vec::new(),
             state: SolverState {
                 groups,
                 frame: 0,
@@ -158,6 +161,13 @@ impl<const D: usize> Solver<D> {
         Ok(())
     }
 
+    /// Pulls at a rigid body in the next frame, beside what else does.
+    pub fn pull(&mut self, pull: Pull<D>) -> Result<(), MpmError> {
+        pull.check(self.settings.rigid.len())?;
+        self.pulls.push(pull);
+        Ok(())
+    }
+
     fn advance_frame(&mut self, force: FrameForce<'_, D>) -> Result<(), MpmError> {
         let max_speed = self.state.max_speed;
         // The clock of moving obstacles is a function of the frame's number.
@@ -174,7 +184,9 @@ impl<const D: usize> Solver<D> {
         } else {
             self.sort_and_remember();
         }
-        match self.substeps(start, force) {
+        let done = self.substeps(start, force);
+        self.pulls.clear();
+        match done {
             Ok(report) => {
                 if let Some(sleep) = &self.settings.sleep {
                     count_calm(&mut self.state.groups, sleep);
@@ -426,10 +438,12 @@ impl<const D: usize> Solver<D> {
         let poses: Vec<Pose<D>> = self.obstacles.body_poses().copied().collect();
         let first = self.settings.obstacles.len();
         let (state, reactions) = (&mut self.state.rigid, &self.reactions);
-        let meeting = bodies.meet(state, &poses, first, reactions, step.dt);
+        let pulled = bodies.pulled(state, &self.pulls, step.dt);
+        let meeting = bodies.meet(state, &poses, first, reactions, &pulled, step.dt);
         self.obstacles.place_bodies(meeting.into_iter());
         let outcome = self.run(&Stage::FROM_BODIES, step, is_new);
-        bodies.step(&mut self.state.rigid, &poses, &self.reactions, end, step.dt);
+        let (state, reactions) = (&mut self.state.rigid, &self.reactions);
+        bodies.step(state, &poses, reactions, &pulled, end, step.dt);
         outcome
     }
 
@@ -473,6 +487,7 @@ impl<const D: usize> Solver<D> {
     pub fn restore(&mut self, data: &[u8]) -> Result<(), MpmError> {
         self.state = snapshot::decode(&self.settings, &self.state, data)?;
         self.last_frame = None;
+        self.pulls.clear();
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Rigid bodies in a fluid.
 
-use mpm::{RigidBody, Shape, Solver, SolverSettings, Vector};
+use mpm::{Pull, RigidBody, Shape, Solver, SolverSettings, Vector};
 
 use crate::common::{Bodies, positions, run, settings, water};
 
@@ -115,4 +115,43 @@ fn bodies_that_overlap_are_refused() {
             .contains("overlap of rigid[0] and rigid[1]"),
         "{error}"
     );
+}
+
+#[test]
+fn a_hand_lifts_what_it_can_and_lets_go() {
+    let (light, heavy) = (
+        square([0.3, 0.45], 0.05, 500.0),
+        square([0.6, 0.16], 0.05, 8000.0),
+    );
+    let mut solver = pool(vec![light, heavy], 1);
+    // The light one weighs 49 N per metre of depth, the other 785.
+    for _ in 0..240 {
+        for (body, x) in [(0, 0.3), (1, 0.6)] {
+            let pull = Pull {
+                body,
+                grip: Vector::<2>::new(0.0, 0.04),
+                target: Vector::<2>::new(x, 0.7),
+                reach: 0.1,
+                strength: 300.0,
+            };
+            solver.pull(pull).unwrap();
+        }
+        run(&mut solver, 1);
+    }
+    let held: Vec<_> = solver.rigid().collect();
+    let sag = 0.1 * 49.0 / 300.0;
+    assert!((held[0][1] + 0.04 + sag - 0.7).abs() < 0.01, "{held:?}");
+    assert!(held[1][1] < 0.2, "{held:?}");
+    // A frame without a pull has none.
+    run(&mut solver, 8);
+    let fallen = solver.rigid().next().unwrap();
+    assert!((fallen[8] + 8.0 * 0.0025 * 9.81).abs() < 0.01, "{fallen:?}");
+    let nobody = Pull {
+        body: 2,
+        grip: Vector::<2>::zeros(),
+        target: Vector::<2>::zeros(),
+        reach: 0.1,
+        strength: 1.0,
+    };
+    assert!(solver.pull(nobody).is_err());
 }
