@@ -15,7 +15,7 @@ import numpy as np
 
 from hybridmpm import simulators
 from hybridmpm._core import SOLVER_VERSION
-from hybridmpm.control import Keyframe, Led, Push, Sketch, plan_motion
+from hybridmpm.control import Keyframe, Led, Pull, Push, Sketch, plan_motion
 from hybridmpm.control.guidance import sketch_from_dict
 from hybridmpm.errors import DataError, ReplayWarning
 from hybridmpm.force import total_force
@@ -96,7 +96,7 @@ class Run:
         self._plans: dict[int, Led] = {}
         self._guidance: Led | None = None
         self._done = self._place = 0
-        self._hand: Push | None = None
+        self._hand: Push | Pull | None = None
         self.led: list[Leading] = []
         """What led up to the present frame, in its order."""
 
@@ -144,6 +144,10 @@ class Run:
             self._hand = hand and Push(
                 np.array(hand["point"]), np.array(hand["velocity"]), hand["radius"], hand["cap"]
             )
+        elif one["kind"] == "pull":
+            hand = one["pull"]
+            grip, target = np.array(hand["grip"]), np.array(hand["target"])
+            self._hand = Pull(hand["body"], grip, target, hand["reach"], hand["strength"])
         else:
             self._guidance = self._plans[place] if one["kind"] == "sketch" else None
             self._done = 0

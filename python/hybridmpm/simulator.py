@@ -31,11 +31,17 @@ MAX_FRAMES_AT_ONCE = 1_000_000
 _Floats = npt.NDArray[np.float32]
 
 
-def digest_of(ids: npt.NDArray[np.uint64], positions: _Floats, velocities: _Floats) -> str:
-    """Return the SHA-256 of ids (uint64), positions and velocities (float32), little-endian, one by one."""
+def digest_of(
+    ids: npt.NDArray[np.uint64], positions: _Floats, velocities: _Floats, rigid: npt.NDArray[np.float64]
+) -> str:
+    """Return the SHA-256 of ids (uint64), positions, velocities (float32) and the numbers of rigid bodies.
+
+    All are little-endian, one after the other. Numbers (B, 13) of bodies are float64; B may be 0.
+    """
     digest = hashlib.sha256(ids.astype("<u8").tobytes())
     for array in (positions, velocities):
         digest.update(array.astype("<f4").tobytes())
+    digest.update(rigid.astype("<f8").tobytes())
     return digest.hexdigest()
 
 
@@ -211,7 +217,7 @@ class Simulator(ABC):
 
     def digest(self) -> str:
         """Return `digest_of` the present state, which pages that play and logs of sessions have, too."""
-        return digest_of(self.ids, self.positions, self.velocities)
+        return digest_of(self.ids, self.positions, self.velocities, self.rigid_numbers())
 
     def probe(self, probe: Probe) -> npt.NDArray[np.float64]:
         """Return the reading of a probe of `hybridmpm.probes` at this instant.

@@ -39,7 +39,8 @@ LIMITS = {
     # 195 lines are for obstacles of polygons and meshes, 195 for shapes in files and points of USD.
     # 650 lines are for rigid bodies: their scenes, their places, findings and pictures.
     # 25 lines let tabs follow sketches.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_425),
+    # 290 lines pull at rigid bodies, and send where they are.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_730),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     # 10 lines pass rigid bodies on to pictures.
@@ -75,7 +76,8 @@ LIMITS = {
     # 100 lines trace texts and pictures.
     # 125 lines read shapes of files, and answer surfaces.
     # 75 lines let tabs follow sketches.
-    "service": (("service/**.py",), 13_045),
+    # 150 lines are for rigid bodies and hands that pull at them.
+    "service": (("service/**.py",), 13_195),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -112,7 +114,8 @@ LIMITS = {
     # 215 lines are for polygons and meshes as obstacles, and shapes in files.
     # 200 lines let rigid bodies float, slide, stack and be restored.
     # 130 lines follow sketches in tabs.
-    "tests": (("tests/**.py",), 37_620),
+    # 420 lines send rigid bodies to viewers, and pull at them.
+    "tests": (("tests/**.py",), 38_040),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -25,6 +25,9 @@ class Particles:
     """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: npt.NDArray[np.uint64]
     """Numbers (N,) that the particles keep."""
+    rigid: npt.NDArray[np.float64]
+    """Numbers (B, 13) of the rigid bodies: centre of mass [m], unit quaternion of the turn with the scalar
+    first, velocity [m/s], angular velocity [rad/s], each with the components in space."""
 
     @classmethod
     def of(cls, answer: httpx.Response) -> "Particles":

@@ -601,8 +601,35 @@ class AsyncStream:
         """
         await self._send("push", point=list(point), velocity=list(velocity), radius=radius, cap=cap)
 
+    async def pull(
+        self,
+        body: int,
+        target: Sequence[float],
+        *,
+        strength: float,
+        grip: Sequence[float] | None = None,
+        reach: float = 0.08,
+    ) -> None:
+        """Pull at a rigid body, until `let_go` or a push; `hybridmpm.control.pull` describes the force.
+
+        Parameters
+        ----------
+        body : int
+            Its number in the scene.
+        target : D floats
+            Point that it is drawn to [m].
+        strength : float > 0
+            Largest force [N], in 2D per metre of depth.
+        grip : D floats, optional
+            Point that is held, from the centre of mass, in the body's own frame [m]; that centre if absent.
+        reach : float > 0
+            Distance from the target at which a spring at rest gives `strength` [m].
+        """
+        held = [0.0] * len(target) if grip is None else list(grip)
+        await self._send("pull", body=body, grip=held, target=list(target), reach=reach, strength=strength)
+
     async def let_go(self) -> None:
-        """End the push."""
+        """End the push or the pull."""
         await self._send("push_end")
 
     async def lead(self) -> None:
@@ -610,14 +637,15 @@ class AsyncStream:
         await self._send("lead")
 
     async def led(self, upto: int, inputs: Sequence[Json] = ()) -> None:
-        """Report the frames that this client has computed, and the pushes in them.
+        """Report the frames that this client has computed, and what a hand did in them.
 
         Parameters
         ----------
         upto : int
             Latest frame.
         inputs : sequence of dict
-            Each {"frame": first frame whose state it acts on, "push": arguments of `push`, or None}.
+            Each {"frame": first frame whose state it acts on, "push": arguments of `push`, or None}, or
+            "pull" with those of `pull`.
         """
         await self._send("led", upto=upto, inputs=list(inputs))
 

@@ -8,7 +8,7 @@ from hybridmpm.stream_frames import Frame, decode
 
 Message: TypeAlias = Frame | dict[str, Any]
 """A frame, or a status of the session."""
-VERSION = 2
+VERSION = 3
 """Version of the frames that the client requests."""
 
 

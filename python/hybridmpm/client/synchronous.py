@@ -96,6 +96,7 @@ class Stream(_Waiting[AsyncStream]):
     reset = _waits(AsyncStream.reset)
     speed = _waits(AsyncStream.speed)
     push = _waits(AsyncStream.push)
+    pull = _waits(AsyncStream.pull)
     let_go = _waits(AsyncStream.let_go)
     lead = _waits(AsyncStream.lead)
     led = _waits(AsyncStream.led)

@@ -400,7 +400,7 @@ class ParticlesBody(Answer):
     """State of all particles of a session at one instant."""
 
     model_config = example(
-        frame=12, time=0.03, positions=[[0.4, 0.5]], velocities=[[0.0, -0.3]], types=[5], ids=[0]
+        frame=12, time=0.03, positions=[[0.4, 0.5]], velocities=[[0.0, -0.3]], types=[5], ids=[0], rigid=[]
     )
 
     frame: int
@@ -415,6 +415,9 @@ class ParticlesBody(Answer):
     """Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: list[int]
     """Permanent number of each particle, ascending; new particles have larger ones."""
+    rigid: list[list[float]]
+    """Centre of mass [m], unit quaternion of the turn with the scalar first, velocity [m/s] and angular
+    velocity [rad/s] of each rigid body: 3, 4, 3 and 3 numbers, also in 2D."""
 
 
 def _known(body: type[Answer], record: object) -> dict[str, Any]:

@@ -13,7 +13,11 @@ from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import (
     Frame,
     FrameCount,
+    Grip,
     Hand,
+    HandInput,
+    PullInput,
+    PushInput,
     SketchRecord,
     SketchSettings,
     Strict,
@@ -252,8 +256,14 @@ class PushFluid(Hand):
     type: Literal["push"]
 
 
+class PullBody(Grip):
+    """Pull at a rigid body until the next such command, `push` or `push_end`."""
+
+    type: Literal["pull"]
+
+
 class EndPush(Strict):
-    """Let go of the fluid."""
+    """Let go of the fluid, or of a body."""
 
     type: Literal["push_end"]
 
@@ -265,10 +275,17 @@ class StartLead(Strict):
 
 
 class LedInput(Strict):
-    """Start, change or end of the hand's push in a frame that the tab has computed."""
+    """What the hand does from a frame on that the tab has computed: it pushes, pulls, or lets go."""
 
     frame: Frame
-    push: Hand | None
+    push: Hand | None = None
+    pull: Grip | None = None
+
+    def input(self) -> HandInput:
+        """Return the input."""
+        if self.pull is not None:
+            return PullInput(frame=self.frame, pull=self.pull)
+        return PushInput(frame=self.frame, push=self.push)
 
 
 class Follow(Strict):
@@ -287,6 +304,6 @@ class EndLead(Strict):
     pause: bool = False
 
 
-Command = Play | Pause | Step | Reset | Speed | PushFluid | EndPush | StartLead | Follow | EndLead
+Command = Play | Pause | Step | Reset | Speed | PushFluid | PullBody | EndPush | StartLead | Follow | EndLead
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="type")])
 """Reader of the stream's text messages."""

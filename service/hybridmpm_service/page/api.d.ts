@@ -172,6 +172,19 @@ export interface GoalBody {
   region: number[][] | null;
 }
 
+export interface Grip {
+  /** Number of the body in the scene. */
+  body: number;
+  /** Point that is held, from the centre of mass, in the body's own frame [m]. */
+  grip: number[];
+  /** Point that it is drawn to [m]. */
+  target: number[];
+  /** Distance of both at which a spring at rest gives `strength` [m]. */
+  reach: number;
+  /** Largest force [N], in 2D per metre of depth. */
+  strength: number;
+}
+
 export interface Hand {
   /** Centre [m]. */
   point: number[];
@@ -326,7 +339,7 @@ export interface LogBody {
   /** Frame at which the log ends. */
   frame: number;
   /** Inputs of the session, in order; frames ascend. */
-  inputs: (SketchInput | ReleaseInput | PushInput)[];
+  inputs: (SketchInput | ReleaseInput | PushInput | PullInput)[];
   /** SHA-256 of the state in which the log ends: ids (uint64), positions and velocities (float32), little-endian, one after the other, as `particles` answers them. */
   digest: string;
 }
@@ -457,6 +470,8 @@ export interface ParticlesBody {
   types: number[];
   /** Permanent number of each particle, ascending; new particles have larger ones. */
   ids: number[];
+  /** Centre of mass [m], unit quaternion of the turn with the scalar first, velocity [m/s] and angular velocity [rad/s] of each rigid body: 3, 4, 3 and 3 numbers, also in 2D. */
+  rigid: number[][];
 }
 
 export interface PlanBody {
@@ -537,12 +552,21 @@ export interface Problem {
   errors?: FieldProblem[] | null;
 }
 
+export interface PullInput {
+  /** Kind of the input. */
+  kind?: "pull";
+  /** First frame whose state it acts on. */
+  frame: number;
+  /** Force of the hand. */
+  pull: Grip;
+}
+
 export interface PushInput {
   /** Kind of the input. */
   kind?: "push";
   /** First frame whose state it acts on. */
   frame: number;
-  /** Force of the hand; null ends it. */
+  /** Force of the hand; null ends it, and a pull. */
   push: Hand | null;
 }
 

@@ -96,6 +96,8 @@ export interface Particles {
   /** 5 water, 6 sand, 7 elastic, 8 viscous liquid. */
   types: Uint8Array;
   ids: number[];
+  /** Of each rigid body: 3 numbers of its centre [m], 4 of the quaternion, 3 of velocity [m/s] and angular velocity [rad/s] each. */
+  rigid: number[][];
 }
 
 /** A running simulation of a service; it lives on when this object is gone. */
@@ -169,17 +171,35 @@ export class Frame {
   readonly numbers: Uint16Array;
   /** Coordinates, particle by particle [m]. */
   readonly positions: Float32Array;
+  /** Of each rigid body: in 2D centre [m] and angle [rad], in 3D centre and unit quaternion, the scalar first; null without one. */
+  readonly poses: Float32Array | null;
+}
+
+/** A rigid body in its own frame, about the centre of mass [m]. */
+export interface Solid {
+  shape: "box" | "ball" | "cylinder" | "hull";
+  /** Half sides of a box; half the length of a cylinder, whose axis is y. */
+  half?: number[] | number;
+  radius?: number;
+  /** Corners of a hull, in 2D in order, anticlockwise. */
+  corners?: number[][];
+  /** Three corners each, in 3D, anticlockwise from outside. */
+  triangles?: number[][];
+  /** [kg], in 2D per metre of depth. */
+  mass: number;
 }
 
 export interface Hello {
   type: "hello";
-  version: 2;
+  version: 3;
   session: api.SessionBody;
   /** What viewers need of the scene. */
   scene: Scene;
   /** Distance of neighbouring particles at rest [m]. */
   spacing: number;
   types: string | null;
+  /** The rigid bodies, in the order of the scene and of the poses in frames. */
+  rigid: Solid[];
 }
 
 export interface Status {
@@ -225,6 +245,8 @@ export class Stream extends EventTarget {
   speed(value: number): void;
   /** Push the fluid near a point [m] towards a velocity [m/s], until `letGo` or the next push. */
   push(hand: api.Hand): void;
+  /** Pull at a rigid body, until `letGo` or a push. */
+  pull(grip: api.Grip): void;
   letGo(): void;
   close(): void;
 }

@@ -196,10 +196,10 @@ export class Session {
 
   /** All particles at the present frame, as arrays: the state that a snapshot has. */
   async particles() {
-    const { frame, time, positions, velocities, types, ids } = await this.#client.json("GET", `${this.#path}/particles`);
+    const { frame, time, positions, velocities, types, ids, rigid } = await this.#client.json("GET", `${this.#path}/particles`);
     const { dim } = this.info;
     const flat = (rows) => Float32Array.from({ length: rows.length * dim }, (_, i) => rows[Math.floor(i / dim)][i % dim]);
-    return { frame, time, dim, positions: flat(positions), velocities: flat(velocities), types: Uint8Array.from(types), ids };
+    return { frame, time, dim, positions: flat(positions), velocities: flat(velocities), types: Uint8Array.from(types), ids, rigid };
   }
 
   /** The same as a file: "npz", "ply" or "vtp". */
@@ -344,6 +344,7 @@ export class Frame {
     this.dim = raw.dim;
     this.ids = raw.ids;
     this.types = raw.types ?? types;
+    this.poses = raw.poses;
     this.length = length;
   }
 
@@ -450,6 +451,11 @@ export class Stream extends EventTarget {
   /** Push the fluid near a point [m] towards a velocity [m/s], until `letGo`. */
   push(hand) {
     this.send({ type: "push", ...hand });
+  }
+
+  /** Pull at a rigid body, until `letGo` or a push. */
+  pull(grip) {
+    this.send({ type: "pull", ...grip });
   }
 
   letGo() {

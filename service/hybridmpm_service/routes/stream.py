@@ -9,8 +9,7 @@ from typing import Any
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from hybridmpm import SimulationError
-from hybridmpm.control import Push, push
+from hybridmpm import Scene, SimulationError
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import (
     FieldError,
@@ -31,6 +30,7 @@ from hybridmpm_service.http.requests import (
     Follow,
     Pause,
     Play,
+    PullBody,
     PushFluid,
     Reset,
     Speed,
@@ -40,7 +40,7 @@ from hybridmpm_service.http.requests import (
 )
 from hybridmpm_service.keys.callers import CALLER, EVERYBODY
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
-from hybridmpm_service.sessions.inputs import Hand, PushInput
+from hybridmpm_service.sessions.inputs import HandInput, check_hand
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers import Mailbox, MailboxClosed, Message, Signal
@@ -52,6 +52,8 @@ _LAST_WORDS_SECONDS = 0.3
 """Longest time for a client to read the last message when its stream ends."""
 _SHOWN = {"name", "dim", "world", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
 """Fields of a scene for viewers."""
+_SHOWN_OF_HANDS = {"point", "radius", "body", "grip", "target"}
+"""Fields of hands for viewers."""
 _BAR_SECONDS = 1.0
 """Time between two looks at the key of a stream [s]."""
 _CLOSE_KEY = 4401
@@ -101,9 +103,11 @@ async def _close(websocket: WebSocket, end: MailboxClosed) -> None:
 def _why_unreadable(version: str, session: Session) -> str | None:
     """Return why a viewer cannot get the frames in a version; None if it can."""
     if version not in map(str, VERSIONS):
-        return f"version must be {' or '.join(map(str, VERSIONS))}"
-    if version != str(VERSIONS[-1]) and session.scene.is_open:
+        return f"version must be {', '.join(map(str, VERSIONS[:-1]))} or {VERSIONS[-1]}"
+    if version == "1" and session.scene.is_open:
         return "particles come and go here, which version 1 lacks: connect with ?version=2"
+    if version != "3" and session.scene.rigid:
+        return f"rigid bodies are here, which version {version} lacks: connect with ?version=3"
     return None
 
 
@@ -216,10 +220,10 @@ async def _execute(command: Command, session: Session, mailbox: Mailbox, limits:
             await session.reset()
         case Speed(value=value):
             session.set_speed(value)
-        case PushFluid():
-            made = _push(command, session.scene.size)
-            session.end_lead("a hand pushed on the server")
-            session.push(made, by=mailbox)
+        case PushFluid() | PullBody():
+            check_hand(command, session.scene)
+            session.end_lead("a hand acted on the server")
+            session.push(command.force(), by=mailbox)
         case EndPush():
             session.end_lead("a hand let go on the server")
             session.push(None, by=mailbox)
@@ -232,31 +236,21 @@ async def _lead(command: StartLead | Follow | EndLead, session: Session, mailbox
         case StartLead():
             await session.lead(mailbox)
         case Follow():
-            await session.follow(command.upto, _led(command, session.scene.size), mailbox)
+            await session.follow(command.upto, _led(command, session.scene), mailbox)
         case EndLead():
             await session.unlead(mailbox, command.digest, pause=command.pause)
 
 
-def _led(command: Follow, size: tuple[float, ...]) -> list[tuple[PushInput, Push | None]]:
-    """Return the inputs of a leading tab, each with its force."""
+def _led(command: Follow, scene: Scene) -> list[HandInput]:
+    """Return the inputs of a leading tab."""
     found = []
     for place, one in enumerate(command.inputs):
-        force = None if one.push is None else _push(one.push, size, f"inputs[{place}].push.")
-        found.append((PushInput(frame=one.frame, push=one.push), force))
+        for name in ("push", "pull"):
+            hand = getattr(one, name)
+            if hand is not None:
+                check_hand(hand, scene, f"inputs[{place}].{name}.")
+        found.append(one.input())
     return found
-
-
-def _push(hand: Hand, size: tuple[float, ...], where: str = "") -> Push:
-    dim = len(size)
-    for name in ("point", "velocity"):
-        given = len(getattr(hand, name))
-        if given != dim:
-            raise FieldError(f"{where}{name}", f"must have {dim} numbers in this session, got {given}")
-    for axis, (x, length) in enumerate(zip(hand.point, size, strict=True)):
-        if x > length:
-            text = f"must be less than or equal to {length:g}, got {x:g}"
-            raise FieldError(f"{where}point[{axis}]", text)
-    return push(hand.point, hand.velocity, hand.radius, cap=hand.cap)
 
 
 def _refusal(err: ValidationError) -> FieldError:
@@ -278,6 +272,7 @@ def _hello(session: Session, version: int) -> str:
         scene=scene,
         spacing=session.simulation.spacing,
         types=encoded,
+        rigid=session.simulation.solids,
     )
 
 
@@ -289,7 +284,7 @@ def _status(session: Session) -> str:
         session=_session(session),
         history=None if history is None else history.model_dump(mode="json"),
         forces=None if forces is None else forces.model_dump(mode="json"),
-        hand=None if hand is None else hand.model_dump(mode="json", include={"point", "radius"}),
+        hand=None if hand is None else hand.model_dump(mode="json", include=_SHOWN_OF_HANDS),
         **vars(session.simulation.timing()),
     )
 

@@ -14,12 +14,14 @@ from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
 """Estimate for a particle in a substep; on one core MPM takes 15 (2D water) to 43 ns (3D sand)."""
-_SHAPE_TESTS = {"segment": 1.5, "cylinder": 3.0, "polygon": 3.0, "mesh": 5.0}
+_SHAPE_TESTS = {"segment": 1.5, "cylinder": 3.0, "polygon": 3.0, "mesh": 5.0, "hull": 3.0}
 """Cost of the distance to a shape that is not a ball or a box, in those; one of a ball takes about 10 ns."""
 _TESTS_PER_PARTICLE_SUBSTEP = 2.5
 """Tests that take as long as a particle in a substep."""
 _SEARCH_SHARE, _SEARCH_CELLS = 1 / 3, 2.0
 """Share of the nodes that a search for the nodes near a moving obstacle tests, and its motion in between."""
+_SPEED_OF_BODIES = 3.0
+"""Speed that a rigid body is expected to reach [m/s]."""
 _LAYERS = 4
 """Fewest layers of all emitters that a scene of the largest number of particles has room for."""
 _MESH_TESTS = 30
@@ -37,7 +39,7 @@ def building_cost(scene: Scene) -> float:
     """Return the estimated cost of building a scene, in tests of a point against a solid or a body."""
     nodes = grid_nodes(scene)
     still = sum(_tests(one.shape) for one in scene.obstacles if one.motion is None)
-    solids = sum(_tests(one.shape) for one in scene.obstacles)
+    solids = sum(_tests(one.shape) for one in (*scene.obstacles, *scene.rigid))
     sites = [_sites(scene, *body.bounds) for body in scene.bodies]
     filled = frame_cost(scene).particles
     tests = nodes * still + search_cost(scene)
@@ -54,19 +56,23 @@ def _corners(body: Body) -> int:
 
 
 def search_cost(scene: Scene) -> float:
-    """Return the estimated cost of finding the nodes near moving obstacles, in tests as `building_cost`."""
-    moving = sum(_tests(one.shape) for one in scene.obstacles if one.motion is not None)
-    return grid_nodes(scene) * moving * _SEARCH_SHARE
+    """Return the estimated cost of finding the nodes near what moves, in tests as `building_cost`."""
+    moving = [one for one in scene.obstacles if one.motion is not None]
+    tests = sum(_tests(one.shape) for one in (*moving, *scene.rigid))
+    return grid_nodes(scene) * tests * _SEARCH_SHARE
 
 
 def estimated_frame_cost(scene: Scene, particles: int) -> float:
     """Return the estimated cost of a frame, in particles times substeps.
 
-    Particles are tested against all obstacles. Moving ones are looked for on the grid whenever they have
-    moved by two cells.
+    Particles are tested against all obstacles and rigid bodies. Moving ones are looked for on the grid
+    whenever they have moved by two cells.
     """
-    substeps, solids = frame_cost(scene).substeps, sum(_tests(one.shape) for one in scene.obstacles)
+    substeps = frame_cost(scene).substeps
+    solids = sum(_tests(one.shape) for one in (*scene.obstacles, *scene.rigid))
     fastest = max((_speed(one.motion) for one in scene.obstacles if one.motion is not None), default=0.0)
+    if scene.rigid:
+        fastest = max(fastest, _SPEED_OF_BODIES)
     searches = 1 + fastest * scene.frame_dt / (_SEARCH_CELLS * scene.dx)
     tests = particles * substeps * solids / 4 + searches * search_cost(scene)
     return particles * substeps + tests / _TESTS_PER_PARTICLE_SUBSTEP
@@ -101,9 +107,6 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     SceneError
         The scene is beyond a limit; the message has the figure, the limit and a remedy.
     """
-    if scene.rigid:
-        text = "are not drawn by this service yet: remove them, or simulate the scene with the Python library"
-        raise SceneError.of([("rigid", text)])
     most = settings.max_grid_nodes
     if grid_nodes(scene) > most:
         allowed = scene.resolution
@@ -126,11 +129,12 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     particles = limit if scene.emitters else min(cost.particles, limit)
     frame, most_frame = estimated_frame_cost(scene, particles), settings.max_frame_cost
     if frame > most_frame:
-        beside = f" and {len(scene.obstacles)} obstacles" if scene.obstacles else ""
+        counts = {"obstacles": len(scene.obstacles), "rigid bodies": len(scene.rigid)}
+        beside = "".join(f" and {count} {name}" for name, count in counts.items() if count)
         text = (
             f"make a frame of about {particles} particles x {cost.substeps} substeps{beside} = "
             f"{round(frame)}, and this server takes up to {most_frame} (setting max_frame_cost): shorten "
-            "frame_dt, lower the resolution, or take softer or smaller bodies, or fewer obstacles"
+            "frame_dt, lower the resolution, take softer or smaller bodies, or fewer obstacles or rigid ones"
         )
         raise SceneError.of([("bodies", text)])
     allowed_tests = settings.max_building_cost
@@ -144,7 +148,8 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
                 f"take about {tests:.0f} tests of grid nodes and lattice sites, and this server makes up to "
                 f"{limit_of} ({which}): lower the resolution, or take fewer obstacles and bodies"
             )
-            raise SceneError.of([("obstacles" if scene.obstacles else "bodies", text)])
+            field = "obstacles" if scene.obstacles else "rigid" if scene.rigid else "bodies"
+            raise SceneError.of([(field, text)])
     return scene.model_copy(update={"max_particles": limit})
 
 

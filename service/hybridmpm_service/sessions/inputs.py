@@ -26,12 +26,14 @@ from hybridmpm.control import (
     Fill,
     Keyframe,
     Led,
+    Pull,
     Push,
     Sequence,
     Shape,
     Sketch,
     Stroke,
 )
+from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
 MAX_PUSH_SPEED = 100.0
@@ -154,18 +156,74 @@ class Hand(Strict):
     """Reach of the force [m]."""
     cap: Cap = DEFAULT_CAP
 
-    @classmethod
-    def of(cls, push: Push | None) -> Self | None:
-        """Return the record of a push; None without one."""
-        return None if push is None else cls(**_plain(push))
-
-    def push(self) -> Push:
-        """Return the push."""
+    def force(self) -> Push:
+        """Return the force."""
         return Push(np.array(self.point), np.array(self.velocity), self.radius, self.cap)
+
+
+Metres = Annotated[float, Field(ge=-4096, le=4096)]
+
+
+class Grip(Strict):
+    """A hand that holds a rigid body at a point."""
+
+    body: int = Field(ge=0)
+    """Number of the body in the scene."""
+    grip: list[Metres] = Field(min_length=2, max_length=3)
+    """Point that is held, from the centre of mass, in the body's own frame [m]."""
+    target: list[Metres] = Field(min_length=2, max_length=3)
+    """Point that it is drawn to [m]."""
+    reach: float = Field(gt=0, le=4096)
+    """Distance of both at which a spring at rest gives `strength` [m]."""
+    strength: float = Field(gt=0, le=1e9)
+    """Largest force [N], in 2D per metre of depth."""
+
+    def force(self) -> Pull:
+        """Return the force."""
+        return Pull(self.body, np.array(self.grip), np.array(self.target), self.reach, self.strength)
+
+
+@overload
+def hand_record(force: None) -> None: ...
+@overload
+def hand_record(force: Push | Pull) -> Hand | Grip: ...
+@overload
+def hand_record(force: Push | Pull | None) -> Hand | Grip | None: ...
+def hand_record(force: Push | Pull | None) -> Hand | Grip | None:
+    """Return the record of a hand's force; None without one."""
+    if force is None:
+        return None
+    return (Grip if isinstance(force, Pull) else Hand)(**_plain(force))
 
 
 Goals: TypeAlias = Sketch | list[Keyframe]
 """A sketch, or several in turn."""
+
+
+def check_hand(hand: Hand | Grip, scene: Scene, where: str = "") -> None:
+    """Refuse a hand that does not fit a scene; `where` begins the names of its fields.
+
+    Raises
+    ------
+    FieldError
+        A vector has not as many numbers as the scene has dimensions, a point lies outside of the world, or
+        there is no such body.
+    """
+    names = ("grip", "target") if isinstance(hand, Grip) else ("point", "velocity")
+    for name in names:
+        given = len(getattr(hand, name))
+        if given != scene.dim:
+            raise FieldError(f"{where}{name}", f"must have {scene.dim} numbers, got {given}")
+    if isinstance(hand, Grip):
+        bodies = len(scene.rigid)
+        if hand.body >= bodies:
+            allowed = f"must be less than {bodies}" if bodies else "this session has no rigid bodies"
+            raise FieldError(f"{where}body", f"{allowed}, got {hand.body}")
+        return
+    for axis, (x, length) in enumerate(zip(hand.point, scene.size, strict=True)):
+        if x > length:
+            text = f"must be less than or equal to {length:g}, got {x:g}"
+            raise FieldError(f"{where}point[{axis}]", text)
 
 
 class KeyframeRecord(Strict):
@@ -256,10 +314,41 @@ class PushInput(Strict):
     frame: Frame
     """First frame whose state it acts on."""
     push: Hand | None
-    """Force of the hand; null ends it."""
+    """Force of the hand; null ends it, and a pull."""
+
+    def force(self) -> Push | None:
+        """Return the force from that frame on."""
+        return None if self.push is None else self.push.force()
 
 
-Input: TypeAlias = SketchInput | ReleaseInput | PushInput
+class PullInput(Strict):
+    """Start or change of a hand's pull at a rigid body."""
+
+    kind: Literal["pull"] = "pull"
+    """Kind of the input."""
+    frame: Frame
+    """First frame whose state it acts on."""
+    pull: Grip
+    """Force of the hand."""
+
+    def force(self) -> Pull:
+        """Return the force from that frame on."""
+        return self.pull.force()
+
+
+HandInput: TypeAlias = PushInput | PullInput
+"""What a hand does from a frame on."""
+
+
+def hand_input(frame: int, force: Push | Pull | None) -> HandInput:
+    """Return the input of a hand's force from a frame on."""
+    record = hand_record(force)
+    if isinstance(record, Grip):
+        return PullInput(frame=frame, pull=record)
+    return PushInput(frame=frame, push=record)
+
+
+Input: TypeAlias = SketchInput | ReleaseInput | PushInput | PullInput
 INPUT: TypeAdapter[Input] = TypeAdapter(Annotated[Input, Field(discriminator="kind")])
 """Reader of an input's JSON."""
 
@@ -321,7 +410,7 @@ class Inputs(Several[Input]):
     __hash__ = None  # type: ignore[assignment]
 
 
-def _plain(record: Sketch | Push) -> dict[str, Any]:
+def _plain(record: Sketch | Push | Pull) -> dict[str, Any]:
     """Return the fields of a record, with arrays as lists and without absent ones."""
     given = ((field.name, getattr(record, field.name)) for field in fields(record))
     return {name: _listed(value) for name, value in given if value is not None}

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hybridmpm.control import Push
+from hybridmpm.control import Pull, Push
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import Hand, PushInput
+from hybridmpm_service.sessions.inputs import Grip, HandInput, hand_record
 from hybridmpm_service.sessions.viewers import Mailbox
 
 MAX_AHEAD = 400
@@ -29,14 +29,14 @@ class Lead:
     ends: bool = False
     """Whether the tab has asked for the end, and the session computes the frames up to it."""
 
-    def check(self, upto: int, inputs: Sequence[PushInput], computed: int) -> None:
+    def check(self, upto: int, inputs: Sequence[HandInput], computed: int) -> None:
         """Check a message of the tab.
 
         Parameters
         ----------
         upto : int
             Latest frame of the tab.
-        inputs : sequence of PushInput
+        inputs : sequence of PushInput and PullInput
             Inputs of its frames.
         computed : int
             Latest frame of the session.
@@ -61,7 +61,8 @@ def note(kind: str, **content: Any) -> str:
     return json.dumps({"type": kind} | content, separators=(",", ":"))
 
 
-def hand_of(push: Push | None) -> dict[str, Any] | None:
-    """Return a push as plain data."""
-    hand = Hand.of(push)
-    return None if hand is None else hand.model_dump()
+def hand_of(force: Push | Pull | None) -> dict[str, Any]:
+    """Return a hand's force as plain data: of a push and a pull one is null, or both."""
+    record = hand_record(force)
+    plain = None if record is None else record.model_dump()
+    return {"push": None, "pull": plain} if isinstance(record, Grip) else {"push": plain, "pull": None}

@@ -33,7 +33,15 @@ from hybridmpm.recording import Recording
 from hybridmpm.scene import plain_data, shape_in
 from hybridmpm_service.errors import FieldError, field_path
 from hybridmpm_service.sessions.admission import building_cost, within_limits
-from hybridmpm_service.sessions.inputs import INPUT, Input, Inputs, PushInput, SketchInput
+from hybridmpm_service.sessions.inputs import (
+    INPUT,
+    Input,
+    Inputs,
+    PullInput,
+    PushInput,
+    SketchInput,
+    check_hand,
+)
 from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
 from hybridmpm_service.settings import Settings
 
@@ -183,11 +191,11 @@ def read_logged(data: Any, inputs: Inputs, most: int) -> Scene:
     """
     scene = read(data)
     for place, one in enumerate(inputs):
-        _check(one, f"body.log.inputs[{place}]", scene.dim, most)
+        _check(one, f"body.log.inputs[{place}]", scene, most)
     return scene
 
 
-def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
+def _check(one: Input, field: str, scene: Scene, most_sketch_frames: int) -> None:
     """Refuse an input that does not fit the scene, or a limit of this server."""
     if isinstance(one, SketchInput):
         settings = one.settings
@@ -202,10 +210,9 @@ def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
             text = "an arrow has points, an ellipse center, axes and angle, a shape outlines"
             raise FieldError(f"{field}.sketch", text) from None
     if isinstance(one, PushInput) and one.push is not None:
-        for name in ("point", "velocity"):
-            given = len(getattr(one.push, name))
-            if given != dim:
-                raise FieldError(f"{field}.push.{name}", f"must have {dim} numbers, got {given}")
+        check_hand(one.push, scene, f"{field}.push.")
+    if isinstance(one, PullInput):
+        check_hand(one.pull, scene, f"{field}.pull.")
 
 
 def examined(source: SceneSource, settings: Settings) -> tuple[Scene, tuple[Finding, ...]]:

@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.checking import Finding
-from hybridmpm.control import Led, Push
+from hybridmpm.control import Led, Pull, Push
 from hybridmpm.recording import Recording
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import LeadRefusedError, ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.inputs import Goals, Origin, PushInput
+from hybridmpm_service.sessions.inputs import Goals, HandInput, Origin
 from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.lead import SILENT_SECONDS, Lead, hand_of, note
 from hybridmpm_service.sessions.player import Clock, Machine, Player
@@ -268,18 +268,18 @@ class Session:
         self._planner.drop("the sketch was taken back before it began to steer")
         await self._call(self.simulation.release)
 
-    def push(self, push: Push | None, by: Mailbox) -> None:
-        """Push the fluid by a viewer's hand from the next frame on, until the next call or the viewer leaves.
+    def push(self, force: Push | Pull | None, by: Mailbox) -> None:
+        """Let a viewer's hand act from the next frame on, until the next call or the viewer leaves.
 
         Parameters
         ----------
-        push : Push or None
-            Local force, which replaces the one before; None ends it.
+        force : Push, Pull or None
+            Force on the fluid near it, or on a rigid body, which replaces the one before; None ends it.
         by : Mailbox
             Mailbox of the viewer.
         """
-        self.simulation.hand = push
-        self._pusher = None if push is None else by
+        self.simulation.hand = force
+        self._pusher = None if force is None else by
 
     async def lead(self, by: Mailbox) -> None:
         """Let the tab of a viewer compute the frames from now on; its mailbox gets the state to begin with.
@@ -316,7 +316,7 @@ class Session:
             self.simulation.ways()  # refuses a sketch that the tab cannot follow
             hand, until = self.simulation.note_hand(), self.simulation.steered_until
             self._reported(frame)
-            told = {"digest": digest, "push": hand_of(hand), "steered_until": until}
+            told = {"digest": digest, "steered_until": until, **hand_of(hand)}
             self._loop.call_soon_threadsafe(begun, frame, told)
 
         def begun(frame: int, told: dict[str, Any]) -> None:
@@ -332,15 +332,15 @@ class Session:
             raise
         self.audience.post_status()
 
-    async def follow(self, upto: int, inputs: Sequence[tuple[PushInput, Push | None]], by: Mailbox) -> None:
+    async def follow(self, upto: int, inputs: Sequence[HandInput], by: Mailbox) -> None:
         """Note the frames that the leading tab has computed; the player computes them as well.
 
         Parameters
         ----------
         upto : int
             Latest frame of the tab.
-        inputs : sequence of pairs
-            Pushes in these frames, each with its force.
+        inputs : sequence of PushInput and PullInput
+            Those of these frames.
         by : Mailbox
             Mailbox of the viewer, which gets an answer once nothing of it can be lost.
 
@@ -354,10 +354,10 @@ class Session:
             As in `advance`.
         """
         lead = self._led_by(by)
-        lead.check(upto, [made for made, _ in inputs], self.view.frame)
+        lead.check(upto, inputs, self.view.frame)
         lead.upto, lead.silent = upto, 0
         if inputs:
-            self.push(inputs[-1][1], by)
+            self.push(inputs[-1].force(), by)
 
         def promise() -> None:
             self.simulation.promise(upto, inputs)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import FrameCancelledError, MpmSolver, Scene, SimulationError
-from hybridmpm.control import Led, Push, Sequence, restored
+from hybridmpm.control import Led, Pull, Push, Sequence, restored
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import total_force
 from hybridmpm.playing import ways_file
@@ -24,11 +24,16 @@ from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import LeadRefusedError, PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
+    Grip,
     Hand,
+    HandInput,
     Input,
+    PullInput,
     PushInput,
     ReleaseInput,
     SketchInput,
+    hand_input,
+    hand_record,
 )
 from hybridmpm_service.sessions.journal import Journal
 from hybridmpm_service.sessions.player import Clock
@@ -207,15 +212,17 @@ class Simulation:
         self._steering: Steering | None = None
         self._control: Control | None = None
         self._steered = False
-        self.hand: Push | None = None
-        """Local force of a hand in the next frame. May be set from any thread."""
-        self._noted_hand: Push | None = None
-        self._promised: deque[tuple[int, Push | None]] = deque()
+        self.hand: Push | Pull | None = None
+        """Force of a hand in the next frame. May be set from any thread."""
+        self._noted_hand: Push | Pull | None = None
+        self._promised: deque[HandInput] = deque()
         self._promised_until = 0
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
         self._forces: deque[npt.NDArray[np.float64]] = deque(maxlen=_FORCES_KEPT)
         self._frame_dt = self.scene.frame_dt
+        self.solids = [one.solid() | {"mass": one.mass} for one in self.scene.rigid]
+        """Shapes and masses of the rigid bodies, as `Rigid.solid` returns them."""
 
     @property
     def scene(self) -> Scene:
@@ -262,18 +269,18 @@ class Simulation:
             self.journal.settle(self.computed_seconds, self.checkpoint)
         return frames
 
-    def promise(self, until: int, inputs: Several[tuple[PushInput, Push | None]]) -> None:
+    def promise(self, until: int, inputs: Several[HandInput]) -> None:
         """Note the inputs of a tab that has computed frames, for `catch_up`; none is lost from now on.
 
         Parameters
         ----------
         until : int
             Frame that the tab has computed.
-        inputs : sequence of pairs
-            Inputs of frames up to that one, in their order, each with its force.
+        inputs : sequence of PushInput and PullInput
+            Inputs of frames up to that one, in their order.
         """
-        self.journal.promise([made for made, _ in inputs], until)
-        self._promised.extend((made.frame, push) for made, push in inputs)
+        self.journal.promise(inputs, until)
+        self._promised.extend(inputs)
         self._promised_until = until
 
     @property
@@ -296,8 +303,8 @@ class Simulation:
 
     def _let_promised_act(self) -> None:
         """Let those inputs of a tab act that are of the present frame."""
-        while self._promised and self._promised[0][0] <= self.frame:
-            self._noted_hand = self._promised.popleft()[1]
+        while self._promised and self._promised[0].frame <= self.frame:
+            self._noted_hand = self._promised.popleft().force()
             self.journal.acted()
 
     def _forget_promised(self) -> None:
@@ -343,11 +350,11 @@ class Simulation:
         """Frame after which the sketch that steers acts no longer; None without one."""
         return None if self._steering is None else self._steering.ends_at
 
-    def note_hand(self) -> Push | None:
+    def note_hand(self) -> Push | Pull | None:
         """Let the hand act from the present frame on, and return its force."""
         hand = self.hand
         if hand is not self._noted_hand:
-            self.journal.add(PushInput(frame=self.frame, push=Hand.of(hand)))
+            self.journal.add(hand_input(self.frame, hand))
             self._noted_hand = hand
         return hand
 
@@ -378,10 +385,10 @@ class Simulation:
         return Steered(steering.control.number, steering.control.first_frame, steering.guidance)
 
     @property
-    def shown_hand(self) -> Hand | None:
-        """The hand that pushes; None without one. Safe to read from any thread."""
+    def shown_hand(self) -> Hand | Grip | None:
+        """The hand that acts; None without one. Safe to read from any thread."""
         # While a tab is ahead, the hand is that of its frames.
-        return Hand.of(self._noted_hand if self.behind else self.hand)
+        return hand_record(self._noted_hand if self.behind else self.hand)
 
     def steer(self, guidance: Led, number: int, settings: Mapping[str, Any]) -> Steered:
         """Let a guidance steer from the next frame on; it replaces the one before.
@@ -417,8 +424,8 @@ class Simulation:
 
     def act(self, one: Input, guidance: Led | None = None) -> None:
         """Let an input act that the journal contains already; a sketch comes with its guidance."""
-        if isinstance(one, PushInput):
-            self.hand = self._noted_hand = None if one.push is None else one.push.push()
+        if isinstance(one, PushInput | PullInput):
+            self.hand = self._noted_hand = one.force()
         elif isinstance(one, SketchInput) and guidance is not None:
             self._steering = Steering(one.number, guidance, self._solver)
             self._control = self._steering.control
@@ -440,7 +447,7 @@ class Simulation:
 
     def checkpoint(self) -> Checkpoint:
         """Return the state, for `recall` by a simulation of the same scene and simulator."""
-        steering, hand = self._steering, Hand.of(self._noted_hand)
+        steering, hand = self._steering, hand_record(self._noted_hand)
         return Checkpoint(
             frame=self.frame,
             state=self._solver.snapshot(),
@@ -470,7 +477,11 @@ class Simulation:
             guidance = restored(checkpoint.guidance, self.scene)
             self._steering = Steering(self._control.number, guidance, self._solver, self._control)
         self._steered = rest["steered"]
-        self.hand = self._noted_hand = None if rest["hand"] is None else Hand(**rest["hand"]).push()
+        hand = rest["hand"]
+        if hand is None:
+            self.hand = self._noted_hand = None
+        else:
+            self.hand = self._noted_hand = (Grip if "grip" in hand else Hand)(**hand).force()
         if self._recorder is not None and rest["safeguard"] is not None:
             self._recorder.restore(rest["safeguard"])
 
@@ -483,6 +494,7 @@ class Simulation:
             velocities=self._solver.velocities,
             types=self._solver.materials,
             ids=self._solver.ids,
+            rigid=self._solver.rigid_numbers(),
         )
 
     def recording(self) -> Recording:
@@ -600,14 +612,16 @@ class Simulation:
         self._let_promised_act()
         # While a tab is ahead, the hand is that of its frames.
         hand = self._noted_hand if self.behind else self.note_hand()
+        if isinstance(hand, Pull):
+            hand(self._solver)
         acting = self._acting(hand)
         if len(acting) < 2:
             return acting[0] if acting else None
         return total_force(acting, self._solver.ids, self.scene.dim)
 
-    def _acting(self, hand: Push | None) -> list[Any]:
-        """Return the forces of the sketch and of a hand in the next frame, without absent ones."""
+    def _acting(self, hand: Push | Pull | None) -> list[Any]:
+        """Return the forces of sketch and hand on particles in the next frame, without absent ones."""
         forces = [] if self._steering is None else [self._steering.force()]
-        if hand is not None:
+        if isinstance(hand, Push):
             forces.append(hand(self._solver))
         return [force for force in forces if force is not None]

@@ -14,7 +14,7 @@ from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.probes import PressureSamples
 from hybridmpm.scene import WallFaces
 from hybridmpm.simulator import Simulator, digest_of
-from hybridmpm.stream_frames import Frame, FrameMessage, Population
+from hybridmpm.stream_frames import Frame, FrameMessage, Population, Poses
 
 _Floats = npt.NDArray[np.float64]
 
@@ -197,10 +197,12 @@ class Particles:
     """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop), 8 viscous liquid."""
     ids: npt.NDArray[np.uint64]
     """Permanent numbers (N,) of the particles, ascending."""
+    rigid: npt.NDArray[np.float64]
+    """Numbers (B, 13) of the rigid bodies, as `Simulator.rigid_numbers` returns them."""
 
     def digest(self) -> str:
         """Return the digest of the state, which is that of the simulator."""
-        return digest_of(self.ids, self.positions, self.velocities)
+        return digest_of(self.ids, self.positions, self.velocities, self.rigid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,8 +292,8 @@ class SafeguardRecorder:
 
 def frame_of(simulator: Simulator, *, solver_ms: float = 0.0, steered: bool = True) -> Frame:
     """Return the present state of a simulator as a frame for viewers."""
-    population = None
-    if simulator.scene.is_open:
+    population, scene = None, simulator.scene
+    if scene.is_open:
         population = Population(ids=simulator.ids.astype(np.uint32), types=simulator.materials.copy())
     return Frame(
         number=simulator.frame,
@@ -299,8 +301,9 @@ def frame_of(simulator: Simulator, *, solver_ms: float = 0.0, steered: bool = Tr
         solver_ms=solver_ms,
         steered=steered,
         positions=simulator.positions,
-        length=max(simulator.scene.size),
+        length=max(scene.size),
         population=population,
+        rigid=Poses.of(simulator.rigid_numbers(), scene.dim) if scene.rigid else None,
     )
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybridmpm.stream_frames import Frame, FrameError, FrameMessage, Population, decode, encode
+from hybridmpm.stream_frames import Frame, FrameError, FrameMessage, Population, Poses, decode, encode
 
 
 def _frame(count: int = 3, dim: int = 2, **changes: object) -> Frame:
@@ -19,7 +19,7 @@ def _frame(count: int = 3, dim: int = 2, **changes: object) -> Frame:
 def test_the_header_lies_where_the_document_says() -> None:
     message = encode(_frame(positions=np.array([[0.0, 1.0, 0.5]], dtype=np.float32)))
     assert message[:4] == b"HMPM"
-    assert message[4:6] == bytes([2, 1])
+    assert message[4:6] == bytes([3, 1])
     assert struct.unpack_from("<H", message, 6) == (1,)
     assert struct.unpack_from("<Q", message, 8) == (7,)
     assert struct.unpack_from("<d", message, 16) == (0.0175,)
@@ -39,7 +39,10 @@ def _frames(draw: st.DrawFn) -> Frame:
         types = draw(st.lists(st.sampled_from([3, 5, 6, 7]), min_size=count, max_size=count))
         population = Population(ids=np.array(sorted(ids), np.uint32), types=np.array(types, np.uint8))
     steered, number = draw(st.booleans()), draw(st.integers(0, 2**60))
-    return _frame(count, dim, steered=steered, number=number, population=population)
+    bodies = draw(st.integers(0, 3))
+    numbers = np.random.default_rng(bodies).normal(size=(bodies, 13))
+    rigid = Poses.of(numbers, dim) if bodies else None
+    return _frame(count, dim, steered=steered, number=number, population=population, rigid=rigid)
 
 
 @given(_frames())
@@ -57,20 +60,28 @@ def test_decoding_undoes_encoding(frame: Frame) -> None:
     else:
         assert back.population.ids.tolist() == frame.population.ids.tolist()
         assert back.population.types.tolist() == frame.population.types.tolist()
+    if frame.rigid is None:
+        assert back.rigid is None
+    else:
+        assert back.rigid is not None
+        assert np.array_equal(back.rigid.center, frame.rigid.center)
+        assert np.array_equal(back.rigid.rotation, frame.rigid.rotation)
 
 
 @given(_frames())
-def test_version_1_differs_in_its_number_alone_and_has_no_ids(frame: Frame) -> None:
+def test_older_versions_differ_in_their_number_alone_and_lack_some(frame: Frame) -> None:
     message = FrameMessage(frame)
-    assert message.of(2) == encode(frame)
-    if frame.population is None:
-        first = message.of(1)
-        assert first == encode(frame)[:4] + b"\x01" + encode(frame)[5:]
-        assert np.array_equal(decode(first).positions, decode(message.of(2)).positions)
-        assert message.of(1) is first
-    else:
-        with pytest.raises(FrameError, match="version 1"):
-            message.of(1)
+    assert message.of(3) == encode(frame)
+    for version in (1, 2):
+        lacks = frame.rigid is not None or (version == 1 and frame.population is not None)
+        if lacks:
+            with pytest.raises(FrameError, match=f"version {version}"):
+                message.of(version)
+            continue
+        older = message.of(version)
+        assert older == encode(frame)[:4] + bytes([version]) + encode(frame)[5:]
+        assert np.array_equal(decode(older).positions, decode(message.of(3)).positions)
+        assert message.of(version) is older
 
 
 @given(_frames(), st.data())
@@ -87,6 +98,20 @@ def test_ids_come_before_the_positions_and_types_behind_them() -> None:
     assert struct.unpack_from("<H", message, 6) == (3,)
     assert struct.unpack_from("<2I4H2B", message, 32) == (7, 2**32 - 1, 0, 65535, 65535, 0, 5, 6)
     assert len(message) == 50
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_poses_come_before_all_else(dim: int) -> None:
+    numbers = np.zeros((2, 13))
+    numbers[:, 0:3], numbers[1, 3:7] = (0.25, 0.5, 0.75), (0.6, 0.0, 0.0, 0.8)
+    numbers[0, 3] = 1.0
+    message = encode(_frame(0, dim, rigid=Poses.of(numbers, dim)))
+    assert struct.unpack_from("<H", message, 6) == (5,)
+    assert struct.unpack_from("<I", message, 32) == (2,)
+    row = struct.unpack_from("<3f" if dim == 2 else "<7f", message, 36 + (12 if dim == 2 else 28))
+    turn = [2 * np.arctan2(0.8, 0.6)] if dim == 2 else [0.6, 0, 0, 0.8]
+    assert row == pytest.approx([0.25, 0.5, 0.75][:dim] + turn)
+    assert len(message) == 36 + 2 * (12 if dim == 2 else 28)
 
 
 def test_positions_just_outside_are_shown_on_the_edge() -> None:

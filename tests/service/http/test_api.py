@@ -253,8 +253,8 @@ def test_a_trajectory_has_null_for_particles_that_have_left(service: Any) -> Non
     [
         (OPEN_SCENE, None, "version=2"),
         (OPEN_SCENE, "1", "version=2"),
-        (None, "3", "1 or 2"),
-        (None, "x", "1 or 2"),
+        (None, "4", "1, 2 or 3"),
+        (None, "x", "1, 2 or 3"),
     ],
 )
 def test_an_unavailable_version_closes_the_stream(

@@ -127,8 +127,8 @@ def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> No
 @pytest.mark.parametrize(
     ("change", "field", "message"),
     [
-        ({"point": [0.5, 0.5, 0.5]}, "point", "must have 2 numbers in this session, got 3"),
-        ({"velocity": [0, 0, 0]}, "velocity", "must have 2 numbers in this session, got 3"),
+        ({"point": [0.5, 0.5, 0.5]}, "point", "must have 2 numbers, got 3"),
+        ({"velocity": [0, 0, 0]}, "velocity", "must have 2 numbers, got 3"),
         ({"point": [0.5, 1.5]}, "point[1]", "equal to 1"),
         ({"radius": "0.1"}, "radius", "valid number"),
         ({"velocity": None}, "velocity", "list"),

@@ -23,7 +23,7 @@ from hybridmpm_service import Settings
 from hybridmpm_service.errors import FieldError, LeadRefusedError
 from hybridmpm_service.sessions import lead as leads
 from hybridmpm_service.sessions import session as sessions
-from hybridmpm_service.sessions.inputs import Hand, PushInput
+from hybridmpm_service.sessions.inputs import Hand, PushInput, hand_input
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import Session
@@ -69,7 +69,7 @@ class Tab:
         assert self.solver.digest() == digest
         await self.take_law()
         self.steered_until = begun["steered_until"] or 0
-        self.hand = None if begun["push"] is None else Hand(**begun["push"]).push()
+        self.hand = None if begun["push"] is None else Hand(**begun["push"]).force()
 
     async def take_law(self) -> None:
         """Follow the law of the sketch that steers, if one does."""
@@ -97,7 +97,7 @@ class Tab:
     def push(self, force: Any) -> None:
         """Push from the next frame on."""
         self.hand = force
-        self.inputs.append((PushInput(frame=self.solver.frame, push=Hand.of(force)), force))
+        self.inputs.append(hand_input(self.solver.frame, force))
 
     def advance(self, frames: int) -> None:
         """Compute frames."""
@@ -324,7 +324,7 @@ async def test_one_tab_leads_and_in_order() -> None:
                 (frame, [PushInput(frame=frame + 1, push=None)], r"inputs\[0\]\.frame"),
             ):
                 with pytest.raises(FieldError, match=field):
-                    await session.follow(upto, [(one, None) for one in inputs], mailbox)
+                    await session.follow(upto, inputs, mailbox)
             assert session.led
         network = await manager.create(
             SceneSource(data=FINE), choice=SolverChoice(solver="neural", model="fluids_2d")
@@ -429,7 +429,7 @@ def test_a_stream_takes_the_commands(service: Service) -> None:
         stream.send(type="lead")
         stream.text("lead")
         other.send(type="push", **hand)
-        assert stream.text("unlead")["reason"] == "a hand pushed on the server"
+        assert stream.text("unlead")["reason"] == "a hand acted on the server"
         other.send(type="pause")
         other.status(playing=False)
 
