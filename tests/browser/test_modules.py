@@ -16,7 +16,7 @@ from tests.python.control.hand_drawn import SKETCHES
 import hybridmpm_service
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
 from hybridmpm.control import classify_stroke
-from hybridmpm.stream_frames import Frame, Population, decode, encode
+from hybridmpm.stream_frames import Frame, Population, Poses, decode, encode
 
 from .conftest import LiveService
 
@@ -42,12 +42,14 @@ def _decode(page: Page, message: bytes) -> Any:
       const { decodeFrame } = await import("/frames.js");
       const frame = decodeFrame(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
       const list = (numbers) => (numbers === null ? null : [...numbers]);
-      return { ...frame, positions: list(frame.positions), ids: list(frame.ids), types: list(frame.types) };
+      const { positions, ids, types, poses } = frame;
+      const lists = { positions: list(positions), ids: list(ids), types: list(types), poses: list(poses) };
+      return { ...frame, ...lists };
     }"""
     return page.evaluate(script, base64.b64encode(message).decode())
 
 
-def _frame(magic: bytes = b"HMPM", version: int = 2, count: int = 2, dim: int = 3) -> bytes:
+def _frame(magic: bytes = b"HMPM", version: int = 3, count: int = 2, dim: int = 3) -> bytes:
     header = struct.pack("<4sBBHQdIBBH", magic, version, 1, 1, 2**40 + 7, 0.125, count, dim, 1, 250)
     return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
 
@@ -104,6 +106,7 @@ def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int
     rng = np.random.default_rng(count + dim)
     ids = np.sort(rng.choice(2**32, count, replace=False)).astype(np.uint32)
     types = rng.choice(np.array([3, 5, 6, 7], np.uint8), count)
+    rigid = Poses.of(rng.normal(size=(3, 13)), dim) if count % 2 else None
     for population in (None, Population(ids=ids, types=types)):
         written = Frame(
             number=2**50 + 1,
@@ -112,6 +115,7 @@ def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int
             steered=population is None,
             positions=rng.random((count, dim), dtype=np.float32),
             population=population,
+            rigid=rigid,
         )
         message = encode(written)
         read, known = _decode(page, message), decode(message)
@@ -122,9 +126,36 @@ def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int
         )
         assert read["ids"] == (None if population is None else ids.tolist())
         assert read["types"] == (None if population is None else types.tolist())
+        rows = None if rigid is None else np.column_stack([rigid.center, rigid.rotation])
+        assert read["poses"] == (None if rows is None else pytest.approx(rows.ravel()))
         if count:
             with pytest.raises(Error, match="bytes"):
                 _decode(page, message[:-1])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_tab_that_leads_writes_what_the_service_writes(page: Page, dim: int) -> None:
+    rng = np.random.default_rng(dim)
+    positions, numbers = rng.random((5, dim), dtype=np.float32), rng.normal(size=(2, 13))
+    numbers[:, 3:7] /= np.linalg.norm(numbers[:, 3:7], axis=1, keepdims=True)
+    written = Frame(number=7, time=0.5, solver_ms=1.25, steered=False, positions=positions, rigid=None)
+    script = """async ([positions, bodies, dim]) => {
+      const { encodeFrame } = await import("/net/lead-frames.js");
+      const given = { frame: 7, time: 0.5, solverMs: 1.25, isSteered: false, length: 1, population: null };
+      const places = Float32Array.from(positions.flat());
+      const numbers = bodies === null ? null : Float64Array.from(bodies.flat());
+      const frame = encodeFrame({ ...given, dim, positions: places, bodies: numbers });
+      return btoa(String.fromCharCode(...new Uint8Array(frame)));
+    }"""
+
+    def sent(bodies: list[list[float]] | None) -> bytes:
+        return base64.b64decode(page.evaluate(script, [positions.tolist(), bodies, dim]))
+
+    assert sent(None) == encode(written)
+    read, known = decode(sent(numbers.tolist())).rigid, Poses.of(numbers, dim)
+    assert read is not None
+    assert read.center == pytest.approx(known.center)
+    assert read.rotation == pytest.approx(known.rotation, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -134,8 +165,8 @@ def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int
         _frame()[:31],
         _frame()[:-1],
         _frame(magic=b"HTTP"),
-        _frame(version=1),
-        _frame(version=3),
+        _frame(version=2),
+        _frame(version=4),
         _frame(count=3),
         _frame(dim=4),
     ],

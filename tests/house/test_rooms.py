@@ -56,13 +56,19 @@ def circles(arrows: dict[str, set[str]]) -> list[str]:
     return []
 
 
+def _source(module: Path) -> Path:
+    """Return the file of a module of the page; that of rigid bodies is the library's."""
+    modules = PAGE / "modules"
+    return ROOT / "python/hybridmpm/playing" / module.name if module.parent == modules else module
+
+
 def page_imports() -> dict[str, set[str]]:
     """Return for each module of the page those that it imports, by their paths in it."""
     arrows: dict[str, set[str]] = {}
     for file in PAGE.rglob("*.js"):
         named = re.findall(r"""(?:from|import)\s*\(?["'](\.[^"']+)["']""", file.read_text(encoding="utf-8"))
         targets = [(file.parent / name).resolve() for name in named]
-        assert all(target.is_file() for target in targets), file
+        assert all(target.is_file() for target in map(_source, targets)), file
         arrows[file.relative_to(PAGE).as_posix()] = {
             target.relative_to(PAGE).as_posix() for target in targets
         }

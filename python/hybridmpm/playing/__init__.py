@@ -30,7 +30,7 @@ from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
 
-__all__ = ["MODULES", "PlayingPage", "module", "play", "ways_file"]
+__all__ = ["MODULES", "PlayingPage", "drawing_of_bodies", "module", "play", "ways_file"]
 
 MODULES = ("plane", "plane-exact", "space", "space-exact")
 """Names of the compiled solvers."""
@@ -228,6 +228,11 @@ def module(name: str) -> bytes:
     if name not in MODULES:
         raise ConfigError(f"there is no module {name!r}, only {', '.join(MODULES)}")
     return _asset(f"{name}.wasm.gz")
+
+
+def drawing_of_bodies() -> str:
+    """Return the module of JavaScript that draws rigid bodies, which the page of the service uses as well."""
+    return _asset("bodies.js").decode()
 
 
 def _packed(data: bytes) -> str:

@@ -23,7 +23,7 @@ from starlette.routing import BaseRoute, Match
 from starlette.types import Receive, Scope, Send
 
 from hybridmpm.errors import ConfigError
-from hybridmpm.playing import MODULES, module
+from hybridmpm.playing import MODULES, drawing_of_bodies, module
 from hybridmpm_service.http.bundle import bundled
 from hybridmpm_service.http.connection import SECURITY_HEADERS
 
@@ -31,6 +31,8 @@ PAGE = Path(__file__).parents[1] / "page"
 """Folder of the page's files."""
 FRONT = "index.html"
 _START = "main.js"
+_BODIES = "modules/bodies.js"
+"""Name of the module that draws rigid bodies, which the library has for pages that play."""
 _FOREVER = "public, max-age=31536000, immutable"
 _MOST_FRONTS = 16
 """Number of front pages that are kept: one for each address by which the service is reached."""
@@ -98,6 +100,8 @@ class Files:
         for name in sorted(self.names):
             whole.update(name.encode() + b"\0" + hashlib.sha256((folder / name).read_bytes()).digest())
         self.names.discard(FRONT)
+        whole.update(drawing_of_bodies().encode())
+        self.names.add(_BODIES)
         for name in MODULES:
             try:
                 whole.update(hashlib.sha256(module(name)).digest())
@@ -114,12 +118,18 @@ class Files:
             return _file(name, gzip.decompress(packed), packed)
         if bundled and name in self._modules:
             return _file(name, self._modules[name].encode())
-        return _file(name, (self._folder / name).read_bytes())
+        return _file(
+            name, self._text(name).encode() if name == _BODIES else (self._folder / name).read_bytes()
+        )
 
     @functools.cached_property
     def _modules(self) -> dict[str, str]:
         names = (name for name in self.names if name.endswith(".js"))
-        return bundled({name: (self._folder / name).read_text(encoding="utf-8") for name in names}, _START)
+        return bundled({name: self._text(name) for name in names}, _START)
+
+    def _text(self, name: str) -> str:
+        """Return the text of a module."""
+        return drawing_of_bodies() if name == _BODIES else (self._folder / name).read_text(encoding="utf-8")
 
     async def file(self, name: str, *, bundled: bool) -> File:
         """Return a file; it is read and compressed in a thread, where this is its first use.

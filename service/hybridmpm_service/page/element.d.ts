@@ -34,6 +34,7 @@ export class HybridmpmView extends HTMLElement {
   /** @param value simulated seconds per second, 0.01 to 1 */
   speed(value: number): boolean;
   push(hand: api.Hand): boolean;
+  pull(grip: api.Grip): boolean;
   letGo(): boolean;
   addEventListener<K extends keyof ViewEvents>(type: K, listener: (event: ViewEvents[K]) => void, options?: AddEventListenerOptions | boolean): void;
   addEventListener(type: string, listener: EventListenerOrEventListenerObject | null, options?: AddEventListenerOptions | boolean): void;

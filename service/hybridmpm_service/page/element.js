@@ -154,6 +154,11 @@ export class HybridmpmView extends HTMLElement {
     return this.send({ type: "push", ...hand });
   }
 
+  /** Pull at a rigid body; `letGo` ends it, too. */
+  pull(grip) {
+    return this.send({ type: "pull", ...grip });
+  }
+
   letGo() {
     return this.send({ type: "push_end" });
   }

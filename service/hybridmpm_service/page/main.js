@@ -17,7 +17,7 @@ import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, describeOwnScene, SEA, showFindings, showOwnScene, showScenarios, titleOf } from "./panels/scene-panel.js";
 import { chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackForces, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
-import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
+import { bindToolPanel, handCap, pullStrength, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, PIPELINE_3D, PIPELINES, Presenter, WELCOME } from "./presets.js";
 import { drawDepths } from "./sketch/depth.js";
 import { Hand } from "./sketch/hand.js";
@@ -97,6 +97,7 @@ const hand = new Hand({
   cap: handCap,
   isHere: () => session.isHere,
   push: (push) => session.send({ type: "push", ...scaled(push, shown.length) }),
+  pull: (pull) => session.send({ type: "pull", ...scaled(pull, shown.length), strength: pullStrength(shown.scene, shown.length) }),
   end: () => session.send({ type: "push_end" }),
   changed: refreshSteering,
 });
@@ -169,7 +170,8 @@ function refreshSteering() {
   const ghost = presenter.ghost !== null;
   const centroid = shown.who === null ? shown.centroid : null; // that of all is not that of the body
   controls.showTool(ghost ? "oval" : tools.name);
-  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null, alone: document.body.dataset.solver === "neural" });
+  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null, alone: document.body.dataset.solver === "neural", bodies: shown.scene?.solids.length > 0 });
+  document.body.dataset.held = String(hand.held?.body ?? "");
   stage.showCentroid(centroid);
   stage.invalidate();
 }
@@ -321,7 +323,7 @@ function showSession(hello) {
   clearTracks();
   recent.clear();
   shown.length = lengthOf(hello.scene);
-  shown.scene = scaled(hello.scene, 1 / shown.length);
+  shown.scene = { ...scaled(hello.scene, 1 / shown.length), solids: scaled(hello.rigid, 1 / shown.length) };
   stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing / shown.length, shown.length);
   showFrameLength(shown.scene.frame_dt);
   shown.who = null;

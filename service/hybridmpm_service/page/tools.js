@@ -10,6 +10,7 @@ import { sidesOf } from "./stage/units.js";
 export class Tools {
   name = "push";
   #scene = null;
+  #depth = null; // of what the hand holds; null where it holds nothing
   #parts;
   #pointer;
   #keys;
@@ -82,7 +83,10 @@ export class Tools {
     if (stage.view.settle(Infinity)) stage.invalidateView();
     if (this.name === "push") {
       play();
-      hand.begin(this.#inDepth(this.#sampleOf(sample)));
+      const taken = this.#sampleOf(sample);
+      const hit = stage.bodyAt(taken.point);
+      this.#depth = hit?.point[2] ?? null;
+      hand.begin(this.#inDepth(taken), hit === null ? null : { body: hit.body, grip: hit.grip });
     } else {
       steering.begin(this.name, this.#sampleOf(sample));
     }
@@ -102,10 +106,11 @@ export class Tools {
     return { point: this.#parts.stage.view.unproject(...at).map(clamp), time };
   }
 
-  /** In 3D a hand pushes at the depth that a stroke would begin at. */
+  /** In 3D a hand pushes at the depth that a stroke would begin at, and pulls at that of what it holds. */
   #inDepth({ point, time }) {
     if (this.#scene.dim === 2) return { point, time };
     const { lower, upper } = this.#scene.walls;
-    return { point: [...point, lower[2] + depthOfWidth(controls.depthWidths()[0]) * (upper[2] - lower[2])], time };
+    const depth = this.#depth ?? lower[2] + depthOfWidth(controls.depthWidths()[0]) * (upper[2] - lower[2]);
+    return { point: [...point, depth], time };
   }
 }

@@ -16,7 +16,7 @@ let given = null; // {types, hasPopulation, length, frameDt}: what frames need b
 let speed = 0.25; // simulated seconds per second
 let runs = false;
 let timer = 0;
-let push = null; // the hand, {point, velocity, radius, cap}; null without one
+let hand = { push: null }; // {push: {point, velocity, radius, cap} or null}, or {pull: {body, grip, target, reach, strength}}
 let inputs = []; // those since the latest report
 const NO_WAYS = new Uint8Array(12); // of no frames
 let steered = { from: 0, to: 0, until: 0 }; // the frames of the law that is followed, and the end of the whole motion
@@ -59,9 +59,21 @@ function digest() {
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
+/** A hand as the module takes it. */
+function numbersOf({ push = null, pull }) {
+  if (pull !== undefined) return [pull.body, ...pull.grip, ...pull.target, pull.reach, pull.strength];
+  return push === null ? [] : [...push.point, ...push.velocity, push.radius, push.cap];
+}
+
+/** Numbers of the rigid bodies, 13 of each: centre, quaternion, velocity, angular velocity; null where there is none. */
+function bodies() {
+  const count = core.rigid_count?.(player) ?? 0;
+  return count === 0 ? null : new Float64Array(core.memory.buffer, at(core.rigid(player)), 13 * count);
+}
+
 /** Advance by one frame; a hand acts in it. */
 function advance() {
-  const numbers = push === null ? [] : [...push.point, ...push.velocity, push.radius, push.cap];
+  const numbers = numbersOf(hand);
   if (numbers.length > 0) give(Float64Array.from(numbers));
   if (!core.advance(player, 1, numbers.length)) throw failure();
 }
@@ -91,7 +103,7 @@ function show(milliseconds) {
   const time = frame * given.frameDt;
   const isSteered = frame > steered.from && frame <= steered.to;
   const about = { frame, time, solverMs: milliseconds, isSteered };
-  const buffer = encodeFrame({ ...about, positions, dim, length: given.length, population });
+  const buffer = encodeFrame({ ...about, positions, dim, length: given.length, population, bodies: bodies() });
   postMessage({ kind: "frame", buffer }, [buffer]);
 }
 
@@ -160,7 +172,7 @@ function stop() {
 const orders = {
   async prepare({ name }) {
     core = await firstOf(name);
-    postMessage({ kind: "ready" });
+    postMessage({ kind: "ready", knowsBodies: core.rigid_count !== undefined });
   },
   /** Go on from a start file, or without one from the own state, which has the same digest then; under a law or none. */
   begin({ start, ways, wanted, about }) {
@@ -176,7 +188,7 @@ const orders = {
     }
     follow(ways === null ? NO_WAYS : new Uint8Array(ways), wanted.steeredUntil);
     given = about;
-    ({ push } = wanted);
+    ({ hand } = wanted);
     [inputs, known, runs] = [[], wanted.frame, true];
     const now = performance.now();
     startPace(now);
@@ -186,11 +198,11 @@ const orders = {
   },
   hand({ value }) {
     if (!runs) return;
-    push = value;
+    hand = value;
     const frame = core.frame(player);
     // Of several in one frame the last one acts.
     if (inputs.at(-1)?.frame === frame) inputs.pop();
-    inputs.push({ frame, push });
+    inputs.push({ frame, ...hand });
   },
   speed({ value }) {
     speed = value;

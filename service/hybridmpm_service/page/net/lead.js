@@ -8,6 +8,18 @@ const REFUSED = "urn:hybridmpm:problem:lead-refused";
 const NO_SCOPE = "urn:hybridmpm:problem:scope-missing";
 const READ_ONLY = new Set(["play", "speed"]); // commands that change no state
 
+/** What a command lets the hand do, {push} or {pull}, as the inputs of a lead have it; null for other commands. */
+function handOf({ type, ...value }) {
+  if (type === "push_end") return { push: null };
+  return type === "push" || type === "pull" ? { [type]: value } : null;
+}
+
+/** The command of what a hand does. */
+function commandOf({ push = null, pull }) {
+  if (pull !== undefined) return { type: "pull", ...pull };
+  return push === null ? { type: "push_end" } : { type: "push", ...push };
+}
+
 /**
  * Who computes the frames: the server ("none"), or this tab ("leads"). Between them this tab has asked for it ("asked")
  * or loads the state ("starts"), and after them it waits for the last report ("ends").
@@ -17,15 +29,16 @@ export class Lead {
   #worker = null;
   #module = null; // name of the module of the worker
   #ready = false; // whether the worker has its module
+  #knowsBodies = false; // whether that tells where rigid bodies are
   #broken = false; // whether this browser cannot compute the session
   #phase = "none";
   #session = null; // newest description of the session
-  #scene = null; // {length, frameDt, dim, isOpen}
+  #scene = null; // {length, frameDt, dim, isOpen, bodies: number of rigid ones}
   #slowAt = Infinity; // lowest speed at which this tab has been too slow for the session
   #notBefore = 0; // when to ask again [ms]
   #begun = null; // the server's message that began
   #planned = null; // phase of the latest sketch; null without one
-  #push = undefined; // what the hand did that the worker does not know yet; undefined where there is nothing
+  #hand = undefined; // what the hand did that the worker does not know yet, {push} or {pull}; undefined where there is nothing
   #waiting = []; // commands that wait for the end
   #ended = []; // called when the lead has ended
   #flushes = []; // called when the server has the next report
@@ -51,7 +64,7 @@ export class Lead {
     this.#drop();
     if (hello.session.id !== this.#session?.id) [this.#slowAt, this.#notBefore, this.#broken] = [Infinity, 0, false];
     const { dim, emitters = [], sinks = [], frame_dt: frameDt } = hello.scene;
-    this.#scene = { dim, length: this.#handlers.lengthOf(hello.scene), frameDt, isOpen: emitters.length + sinks.length > 0 };
+    this.#scene = { dim, length: this.#handlers.lengthOf(hello.scene), frameDt, isOpen: emitters.length + sinks.length > 0, bodies: hello.rigid.length };
     this.#session = hello.session;
     this.consider();
   }
@@ -74,7 +87,7 @@ export class Lead {
     const isPlanned = session.control?.phase === "preparing";
     if (isPlanned || this.#broken || session.speed >= this.#slowAt || performance.now() < this.#notBefore) return;
     this.#prepare();
-    if (!this.#ready) return;
+    if (!this.#ready || (this.#scene.bodies > 0 && !this.#knowsBodies)) return;
     this.#phase = "asked";
     this.#handlers.send({ type: "lead" });
   }
@@ -133,10 +146,11 @@ export class Lead {
 
   /** Give the state to the worker, its own if that is the same, else that of a start file; and what steers from there. */
   #load(start, ways) {
-    const { frame, digest, push, types, steered_until: steeredUntil } = this.#begun;
+    const { frame, digest, push, pull, types, steered_until: steeredUntil } = this.#begun;
+    const hand = pull === null ? { push } : { pull };
     const about = { types, hasPopulation: this.#scene.isOpen, length: this.#scene.length, frameDt: this.#scene.frameDt };
     this.#order("speed", { value: this.#session.speed });
-    this.#order("begin", { start, ways, wanted: { frame, digest, push, steeredUntil }, about });
+    this.#order("begin", { start, ways, wanted: { frame, digest, hand, steeredUntil }, about });
   }
 
   async #fetch() {
@@ -186,7 +200,7 @@ export class Lead {
   #fromWorker(data) {
     switch (data.kind) {
       case "ready":
-        this.#ready = true;
+        [this.#ready, this.#knowsBodies] = [true, data.knowsBodies];
         this.consider();
         break;
       case "other":
@@ -203,8 +217,8 @@ export class Lead {
         }
         this.#phase = "leads";
         this.#reports = { sent: 0, acked: 0 };
-        if (this.#push !== undefined) this.#order("hand", { value: this.#push });
-        this.#push = undefined;
+        if (this.#hand !== undefined) this.#order("hand", { value: this.#hand });
+        this.#hand = undefined;
         this.#handlers.changed(true);
         break;
       case "frame":
@@ -248,8 +262,8 @@ export class Lead {
   #toServer() {
     const wasHere = this.isHere;
     this.#phase = "none";
-    if (this.#push !== undefined) this.#waiting.unshift(this.#push === null ? { type: "push_end" } : { type: "push", ...this.#push });
-    this.#push = undefined;
+    if (this.#hand !== undefined) this.#waiting.unshift(commandOf(this.#hand));
+    this.#hand = undefined;
     for (const message of this.#waiting.splice(0)) this.#handlers.send(message);
     const acks = this.#acks.splice(0).map(({ done }) => done);
     for (const done of [...this.#ended.splice(0), ...this.#flushes.splice(0), ...acks]) done();
@@ -259,7 +273,7 @@ export class Lead {
   #drop() {
     this.#worker?.postMessage({ order: "stop" });
     this.#waiting = [];
-    this.#push = undefined;
+    this.#hand = undefined;
     this.#skip = null;
     this.#toServer();
   }
@@ -281,12 +295,10 @@ export class Lead {
       return true;
     }
     if (READ_ONLY.has(message.type)) return false;
-    const isHand = message.type === "push" || message.type === "push_end";
-    if (isHand) {
-      const { type, ...value } = message;
-      const hand = type === "push" ? value : null;
+    const hand = handOf(message);
+    if (hand !== null) {
       if (this.#phase === "leads") this.#order("hand", { value: hand });
-      else this.#push = hand;
+      else this.#hand = hand;
       return true;
     }
     if (this.#phase !== "leads") return false; // the command ends what has hardly begun

@@ -31,14 +31,15 @@ const HINTS = {
   free: "Draw an arrow, an oval or a shape: the fluid follows",
 };
 
-/** The hint for a tool; `who` is the material of the body that was tapped, null where everything moves. */
-function hint(tool, who) {
+/** The hint for a tool; `who` is the material of the body that was tapped, null where everything moves; `bodies` whether there are rigid ones. */
+function hint(tool, who, bodies) {
+  if (tool === "push" && bodies) return "Drag through the fluid to push it, or a body to pull it";
   const text = HINTS[tool];
   return who === null || tool === "push" || tool === "orbit" ? text : text.replace("the fluid", `only the tapped ${who}`);
 }
 
 /** The line under the picture, for each phase of steering. */
-function steerText(steering, { live, playing, tool, ghost, who, alone }) {
+function steerText(steering, { live, playing, tool, ghost, who, alone, bodies }) {
   const kind = NAMES[steering.sketch?.kind] ?? "arrow";
   switch (steering.phase) {
     case "drawing":
@@ -59,7 +60,7 @@ function steerText(steering, { live, playing, tool, ghost, who, alone }) {
     default:
       if (!live) return "Waiting for the simulation";
       if (ghost) return "Draw an oval like this, and the fluid follows";
-      return `${playing ? "" : "Paused. "}${hint(tool, who)}`;
+      return `${playing ? "" : "Paused. "}${hint(tool, who, bodies)}`;
   }
 }
 

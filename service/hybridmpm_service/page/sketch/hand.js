@@ -24,18 +24,21 @@ export function simulated(velocity, speed) {
 
 export class Hand {
   point = null; // where the hand is; null while it is not held
+  held = null; // {body, grip} of the rigid body that it holds; null where it pushes
   rested = -Infinity; // when it was taken away last [ms]; now, while it is held
   #samples = [];
   #timer = 0;
   #handlers;
 
   /** @param handlers {speed() -> simulated seconds per second, cap() -> largest acceleration [g],
-   *   isHere() -> whether this tab simulates, push({point, velocity, radius, cap}), end(), changed()} */
+   *   isHere() -> whether this tab simulates, push({point, velocity, radius, cap}), pull({body, grip, target, reach}), end(), changed()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
 
-  begin(sample) {
+  /** @param held {body, grip} of the rigid body under the hand; null where there is none */
+  begin(sample, held = null) {
+    this.held = held;
     this.#samples = [sample];
     this.point = sample.point;
     this.rested = Infinity;
@@ -57,13 +60,17 @@ export class Hand {
   finish() {
     if (this.point === null) return;
     clearInterval(this.#timer);
-    this.point = null;
+    this.point = this.held = null;
     this.rested = performance.now();
     this.#handlers.end();
     this.#handlers.changed();
   }
 
   #send() {
+    if (this.held !== null) {
+      this.#handlers.pull({ ...this.held, target: this.point, reach: RADIUS });
+      return;
+    }
     const velocity = simulated(velocityOf(this.#samples, performance.now() / 1000), this.#handlers.speed());
     this.#handlers.push({ point: this.point, velocity, radius: RADIUS, cap: this.#handlers.cap() });
   }

@@ -23,7 +23,7 @@ const OWN_MS = 1000; // after which the server no longer speaks of a hand that h
 export class Seen {
   sketch = null; // null while none steers
   goal = null; // of the sketch
-  hand = null; // {point, radius}; null while none pushes
+  hand = null; // {point, radius}, or {point, body, grip} of one that pulls; null while none acts
   #glide = null; // {from, to, began [ms]} of the hand
   #number = null; // of the sketch that was asked for last
   #parts;
@@ -61,7 +61,7 @@ export class Seen {
     this.#parts.changed();
   }
 
-  /** Note the hand of a status, {point, radius} or null; one of this page has been taken away at `rested` [ms]. */
+  /** Note the hand of a status, {point, radius}, {target, body, grip} or null; one of this page has been taken away at `rested` [ms]. */
   noteHand(hand, rested, now) {
     if (hand === null || now < rested + OWN_MS) {
       const had = this.hand !== null;
@@ -69,7 +69,8 @@ export class Seen {
       if (had) this.#parts.changed();
       return;
     }
-    this.#glide = { from: this.hand?.point ?? hand.point, to: hand.point, began: now };
+    const place = hand.point ?? hand.target;
+    this.#glide = { from: this.hand?.point ?? place, to: place, began: now };
     this.hand = { ...hand, point: this.#glide.from };
     this.#parts.changed();
   }

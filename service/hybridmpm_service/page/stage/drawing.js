@@ -5,7 +5,7 @@ import { arrowHead, distance, ellipseOf, pathLength, widthsAlong } from "../sket
 import { trace, traceWorld } from "./lines.js";
 
 const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c", shape: "#62e08c" };
-const HAND_COLOR = "#58b9ff";
+export const HAND_COLOR = "#58b9ff";
 
 /** Points of a sketch on the stage [px]. */
 function project(view, scene, sketch) {

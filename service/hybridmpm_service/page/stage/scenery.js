@@ -19,10 +19,11 @@ export function backdropMoves(scene) {
   return scene.dim === 3 && scene.obstacles.some((obstacle) => obstacle.motion !== undefined);
 }
 
-/** Draw what lies in front of the particles, at a simulated time [s]. */
-export function drawForeground(context, view, scene, time) {
+/** Draw what lies in front of the particles, at a simulated time [s]; `bodies` are the rigid ones, or null. */
+export function drawForeground(context, view, scene, time, bodies) {
   if (scene.dim === 2) {
     scene.obstacles.forEach((obstacle) => drawFlatObstacle(context, view, placed(obstacle, time)));
+    bodies?.drawFlat(context, view);
     drawFlatWalls(context, view, scene.walls);
   } else {
     drawEdges(context, view, cornersOf(scene.walls), true);

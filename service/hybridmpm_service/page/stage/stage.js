@@ -25,6 +25,8 @@ const GROUND = "#0a0f16"; // behind the picture
 const TAP_REACH = 0.02; // distance from a tap within which a particle is hit [m]
 const DOT_SPEED = 0.03; // px/ms at which the dots of a prediction walk
 
+let rigid = null; // the part for rigid bodies, once a scene has needed it
+
 export class Stage {
   highest = null; // what the upper end of the scale of colours stands for; null where there is none
   view = new FlatView({ lower: [0.1, 0.1], upper: [0.9, 0.9] });
@@ -35,6 +37,7 @@ export class Stage {
   #fit;
   #canvases;
   #renderer;
+  #bodies = null; // rigid ones; null without, and until their part is loaded
   #speeds = new SpeedEstimate();
   #quantity = "material"; // name of what the particles are coloured by
   #pressure = null; // the newest answer of the server; null where nobody asks
@@ -77,8 +80,20 @@ export class Stage {
     this.#time = 0;
     this.frame = null;
     this.#pressure = null;
+    this.#takeBodies(scene);
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.resize();
+  }
+
+  /** Prepare for the rigid bodies of the scene. */
+  async #takeBodies(scene) {
+    this.#bodies = this.#renderer.bodies = null;
+    if ((scene.solids ?? []).length === 0) return;
+    rigid ?? (rigid = await import("./rigid.js"));
+    if (this.#scene !== scene) return;
+    this.#bodies = this.#renderer.bodies = new rigid.Bodies(scene.solids, scene.dim, this.#length);
+    if (this.frame !== null) this.#bodies.show(this.frame);
+    this.invalidate();
   }
 
   /** What `setScene` was called with last. */
@@ -131,6 +146,7 @@ export class Stage {
     }
     this.#time = frame.time;
     this.frame = frame;
+    this.#bodies?.show(frame);
   }
 
   #updateParticles() {
@@ -189,6 +205,11 @@ export class Stage {
     }
     if (found < 0) return null;
     return { particle: ids === null ? found : ids[found], type: (this.frame.types ?? this.#types)[found] };
+  }
+
+  /** The foremost rigid body under a point of the front view: {body, grip, point}; null where there is none. */
+  bodyAt(point) {
+    return this.#bodies?.at(point) ?? null;
   }
 
   /** Begin predictions at this centre of mass from now on; null where there is no particle. */
@@ -266,14 +287,19 @@ export class Stage {
   #drawOverlay(now) {
     const context = this.#clear(this.#canvases.overlay);
     const { steering, hand, presenter, seen, forces } = this.#shown;
-    drawForeground(context, this.view, this.#scene, this.#time);
+    drawForeground(context, this.view, this.#scene, this.#time, this.#bodies);
     if (forces.latest !== null) drawForces(context, this.view, forces.latest);
     if (steering.sketch !== null) this.#drawSteering(context, steering, now);
     else if (presenter.ghost !== null) this.#drawGhost(context, presenter.ghost);
     else this.#drawSeen(context, seen);
-    if (hand.point !== null) drawHand(context, this.view, hand.point, RADIUS);
-    else if (seen.hand !== null) drawHand(context, this.view, seen.hand.point, seen.hand.radius);
+    if (hand.point !== null) this.#drawHand(context, { radius: RADIUS, ...hand.held, point: hand.point });
+    else if (seen.hand !== null) this.#drawHand(context, seen.hand);
     if (this.#cursor !== null) drawCursor(context, this.#cursor);
+  }
+
+  #drawHand(context, { body, grip, point, radius }) {
+    if (body === undefined) drawHand(context, this.view, point, radius);
+    else this.#bodies?.drawGrip(context, this.view, { body, grip, point });
   }
 
   #drawSteering(context, { sketch, plan, phase }, now) {

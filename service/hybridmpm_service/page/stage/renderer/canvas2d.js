@@ -11,6 +11,7 @@ const SCALE_STEPS = 32; // colours of a quantity
 
 export class CanvasRenderer {
   kind = "canvas2d";
+  bodies = null; // rigid ones, which a part of the stage draws
   #context;
   #scene = null;
   #particles = null;
@@ -50,7 +51,7 @@ export class CanvasRenderer {
     if (this.#scene === null || this.#particles === null) return;
     context.scale(width / view.width, height / view.height);
     if (this.#scene.dim === 3) {
-      this.#spheres.draw(context, view, this.#scene, this.#particles);
+      this.#spheres.draw(context, view, this.#scene, this.#particles, this.bodies);
       return;
     }
     if (this.#particles.quantities !== null) {

@@ -76,13 +76,15 @@ export class SpherePicture {
   #depths = null;
   #surface = new SurfacePicture();
 
-  draw(context, view, scene, particles) {
+  /** @param bodies rigid ones, or null */
+  draw(context, view, scene, particles, bodies) {
     drawShadows(context, view, scene, particles.positions);
     // Coloured by a quantity each particle is to be seen.
     const flows = particles.quantities === null && scene.types.some((type) => type !== SAND);
     this.#resize(Math.min(flows ? MAX_SURFACE_SIZE : MAX_SIZE, Math.round(view.width)));
     this.#pixels.fill(0);
     this.#depths.fill(-Infinity);
+    bodies?.fill(view, { size: this.#size, pixels: this.#pixels, depths: this.#depths });
     for (let i = 0; i < scene.types.length; i += 1) {
       if (!flows || scene.types[i] === SAND) this.#add(view, scene, particles, i);
     }

@@ -20,6 +20,7 @@ function isImitated(gl) {
 
 export class WebglRenderer {
   kind = "webgl2";
+  bodies = null; // rigid ones, which a part of the stage draws
   #canvas;
   #gl;
   #programs;
@@ -53,6 +54,7 @@ export class WebglRenderer {
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.#build();
+      this.bodies?.forget();
       const particles = this.#pending;
       if (this.#scene !== null) this.setScene(this.#scene);
       this.#pending = particles;
@@ -177,6 +179,10 @@ export class WebglRenderer {
     this.#points();
     gl.blendEquation(gl.FUNC_ADD);
 
+    if (this.bodies !== null) {
+      this.bodies.drawGl(gl, view);
+      gl.bindVertexArray(this.#vertexArray);
+    }
     const byQuantity = this.#pending.quantities !== null;
     if (this.#has.liquid && !byQuantity) this.#surface.draw(view, this.#scene, this.#canvas.width, this.#points);
     if (!this.#has.sand && !byQuantity) return;
