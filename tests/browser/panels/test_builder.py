@@ -62,6 +62,15 @@ def _drag(visit: Visit, start: Point, end: Point, *, finger: bool) -> None:
     hand.detach()
 
 
+def _drag_thing(visit: Visit, index: int, to: Point) -> None:
+    """Drag a thing by its middle to another place."""
+    box = _things(visit).nth(index).bounding_box()
+    visit.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    visit.page.mouse.down()
+    visit.page.mouse.move(*_pixel(visit, to), steps=4)
+    visit.page.mouse.up()
+
+
 def _simulated(visit: Visit, service: LiveService) -> dict[str, Any]:
     """Simulate the draft, and return the scene that the service got."""
     before = visit.session
@@ -178,3 +187,45 @@ def test_a_drawing_becomes_a_solid_or_a_body_and_a_bad_file_says_why(
     heights = [y for _, y in solid["vertices"]]
     assert max(heights) - min(heights) == pytest.approx(0.3, abs=0.002)
     assert (body["shape"], body["material"]["kind"], len(body["vertices"])) == ("polygon", "elastic", 10)
+
+
+def test_rigid_bodies_are_placed_turned_and_taken_back(open_page: Open, service: LiveService) -> None:
+    visit = _builder(open_page)
+    _press(visit, "water")
+    _drag(visit, (0.5, 0.5), (0.5, 0.2), finger=False)
+    _press(visit, "crate")
+    things = _things(visit)
+    expect(things.nth(1)).to_have_attribute("aria-label", "Rigid box, 0.16 m by 0.16 m, at 0.5 m, 0.5 m")
+    # The handle above it turns it.
+    _drag(visit, (0.5, 0.63), (0.37, 0.5), finger=False)
+    fields = visit.page.locator("#build-fields")
+    expect(fields.get_by_label("Turned")).to_have_value("90")
+    for label, number in (("Turned", "30"), ("Width", "0.2"), ("Density", "300")):
+        fields.get_by_label(label).fill(number)
+        fields.get_by_label(label).blur()
+    _press(visit, "ball")
+    _drag_thing(visit, 2, (0.75, 0.6))
+    _press(visit, "wedge")
+    _drag_thing(visit, 3, (0.25, 0.7))
+    expect(things).to_have_count(4)
+    # Of the polygon the corner at the right is drawn out, which its hull follows.
+    _drag(visit, (0.33, 0.7), (0.4, 0.72), finger=False)
+    _press(visit, "crate")
+    expect(things).to_have_count(5)
+    visit.page.keyboard.press("Delete")
+    expect(things).to_have_count(4)
+    visit.page.locator("#build-undo").click()
+    expect(things).to_have_count(5)
+    visit.page.locator("#build-undo").click()
+    expect(things).to_have_count(4)
+    expect(visit.page.locator("#build-status")).to_contain_text("Runs")
+    crate, ball, wedge = _simulated(visit, service)["rigid"]
+    assert (crate["density"], ball["shape"], wedge["shape"]) == (300, "ball", "hull")
+    assert crate["rotation"] == pytest.approx(0.5236, abs=1e-3)
+    assert [crate["upper"][0] - crate["lower"][0], crate["upper"][1] - crate["lower"][1]] == pytest.approx(
+        [0.2, 0.16]
+    )
+    assert ball["center"] == pytest.approx([0.75, 0.6], abs=5e-3)
+    assert wedge["points"][0] == pytest.approx([0.4, 0.72], abs=5e-3)
+    visit.wait_for("body.renderer === 'canvas2d'")
+    assert not visit.errors

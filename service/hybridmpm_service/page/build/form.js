@@ -1,6 +1,7 @@
 // Number fields of the chosen thing.
 
 import { byId, setText } from "../panels/dom.js";
+import { sized } from "./rigid.js";
 import { become, boundsOf, DIRECTIONS, directionOf, MATERIALS, materialOf, moved, nameOf, otherShape, resized, scaled, turned } from "./things.js";
 
 const LIMIT = { min: 0, max: 1, step: 0.01 };
@@ -37,10 +38,11 @@ function fieldsOf(thing, change) {
   const fields = ["x", "y"].map((name, k) =>
     number(`Middle ${name}`, "m", at[k], (value) => change(moved(thing, k === 0 ? [value - at[0], 0] : [0, value - at[1]]))),
   );
-  const grown = (k, size) => resized(thing, "upper", record.upper.map((x, axis) => (axis === k ? record.lower[k] + size : x)));
+  const grown = (k, size) => part === "rigid" ? { ...thing, record: sized(record, k, size) } : resized(thing, "upper", record.upper.map((x, axis) => (axis === k ? record.lower[k] + size : x)));
   if (record.lower !== undefined) {
     ["Width", "Height"].forEach((name, k) => {
-      if (upper[k] > lower[k]) fields.push(number(name, "m", upper[k] - lower[k], (size) => change(grown(k, size))));
+      const side = record.upper[k] - record.lower[k];
+      if (side > 0) fields.push(number(name, "m", side, (size) => change(grown(k, size))));
     });
   } else if (record.radius !== undefined) {
     fields.push(number("Radius", "m", record.radius, (radius) => change(resized(thing, "rim", [record.center[0] + radius, record.center[1]]))));
@@ -52,10 +54,21 @@ function fieldsOf(thing, change) {
     const isSolid = part === "obstacles";
     fields.push(choice("Acts as", { solid: "obstacle", material: "body" }, isSolid ? "solid" : "material", (what) => change(become(thing, what === "solid" ? "solid" : "water"))));
   }
-  if (part === "bodies") {
+  const set = (name) => (value) => change({ ...thing, record: { ...record, [name]: value } });
+  if (part === "rigid") {
+    fields.push(number("Density", "kg/m³", record.density ?? 500, set("density"), { min: 1, max: 20_000, step: 50 }));
+    if (record.radius === undefined) {
+      const degrees = Math.round(((record.rotation ?? 0) * 1800) / Math.PI) / 10;
+      fields.push(number("Turned", "°", degrees, (angle) => set("rotation")((angle * Math.PI) / 180), { min: -180, max: 180, step: 5 }));
+    }
+    fields.push(number("Spin", "rad/s", record.angular_velocity ?? 0, set("angular_velocity"), { min: -100, max: 100, step: 1 }));
+    fields.push(number("Friction", "-", record.friction ?? 0.3, set("friction"), { min: 0, max: 10, step: 0.1 }));
+    fields.push(number("Bounce", "-", record.restitution ?? 0, set("restitution"), { min: 0, max: 1, step: 0.1 }));
+  }
+  if (part === "bodies" || part === "rigid") {
     const velocity = record.velocity ?? [0, 0];
-    const set = (k) => (value) => change({ ...thing, record: { ...record, velocity: velocity.map((v, axis) => (axis === k ? value : v)) } });
-    ["x", "y"].forEach((name, k) => fields.push(number(`Speed ${name}`, "m/s", velocity[k], set(k), { min: -10, max: 10, step: 0.1 })));
+    const along = (k) => (value) => set("velocity")(velocity.map((v, axis) => (axis === k ? value : v)));
+    ["x", "y"].forEach((name, k) => fields.push(number(`Speed ${name}`, "m/s", velocity[k], along(k), { min: -10, max: 10, step: 0.1 })));
   }
   const direction = part === "emitters" ? directionOf(thing) : null;
   if (direction !== null) {

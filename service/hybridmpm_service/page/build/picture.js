@@ -1,5 +1,6 @@
 // The picture of a draft: an SVG in which each thing can be focused.
 
+import { outlineOf } from "./rigid.js";
 import { boundsOf, handlesOf, lookOf, nameOf } from "./things.js";
 
 const SIDE = 1000; // units of the picture's side
@@ -29,8 +30,10 @@ export function pointOf(svg, view, event) {
   return view.from(((event.clientX - box.left) / box.width) * SIDE, ((event.clientY - box.top) / box.height) * SIDE);
 }
 
-function shapeOf(view, { record }) {
+function shapeOf(view, { part, record }) {
   const { to, scale } = view;
+  const isTurned = part === "rigid" && record.radius === undefined;
+  if (isTurned) return element("polygon", { points: outlineOf(record).map((p) => to(p).join(",")).join(" ") });
   // Of a surface of triangles its box is shown.
   if (record.lower !== undefined || record.triangles !== undefined) {
     const [[left, bottom], [right, top]] = boundsOf({ record }).map((place) => to(place));
@@ -99,7 +102,7 @@ function drawThing(view, thing, index, { things, selected, wrong }) {
 
 function drawHandle(view, name, place) {
   const [cx, cy] = view.to(place);
-  const group = element("g", { class: "handle", "data-handle": name });
+  const group = element("g", { class: name === "turn" ? "handle turn" : "handle", "data-handle": name });
   // A finger needs more room than the dot takes.
   group.append(element("circle", { cx, cy, r: 34, class: "reach" }), element("circle", { cx, cy, r: 11 }));
   return group;

@@ -1,9 +1,11 @@
-// The things of a flat scene that a hand can place: bodies, obstacles, emitters and sinks, as the records of a scene file.
+// The things of a flat scene that a hand can place: bodies, rigid ones, obstacles, emitters and sinks, as the records of a scene file.
+
+import { handlesOfRigid, outlineOf, resizedRigid, RIGID_KINDS } from "./rigid.js";
 
 const SMALLEST = 0.02; // m
 const THICKNESS = 0.03; // of a ramp [m]
 const SPEED = 1; // of what an emitter brings [m/s]
-const PARTS = ["bodies", "obstacles", "emitters", "sinks"];
+const PARTS = ["bodies", "rigid", "obstacles", "emitters", "sinks"];
 /** Titles of the materials that a scene may name. */
 export const MATERIALS = { water: "Water", sand: "Sand", elastic: "Jelly", honey: "Honey", oil: "Oil", mud: "Mud", lava: "Lava" };
 
@@ -13,6 +15,9 @@ export const KINDS = {
   sand: { title: "Sand", part: "bodies", make: (a, b) => ({ shape: "box", material: "sand", ...box(a, b) }) },
   elastic: { title: "Jelly", part: "bodies", make: (a, b) => ({ shape: "box", material: "elastic", ...box(a, b) }) },
   liquid: { title: "Honey", part: "bodies", make: (a, b) => ({ shape: "box", material: "honey", ...box(a, b) }) },
+  crate: { title: "Rigid box", part: "rigid", make: (a, b) => RIGID_KINDS.box(box(a, b)) },
+  ball: { title: "Rigid ball", part: "rigid", make: (a, b) => RIGID_KINDS.ball(box(a, b)) },
+  wedge: { title: "Rigid polygon", part: "rigid", make: (a, b) => RIGID_KINDS.polygon(box(a, b)) },
   block: { title: "Block", part: "obstacles", make: (a, b) => ({ shape: "box", ...box(a, b) }) },
   ramp: {
     title: "Ramp",
@@ -68,7 +73,7 @@ export function sceneOf(base, things) {
   return scene;
 }
 
-const FIELD = /(bodies|obstacles|emitters|sinks)[[.](\d+)\]?/;
+const FIELD = /(bodies|rigid|obstacles|emitters|sinks)[[.](\d+)\]?/;
 
 /** The thing that a part and its number, as in "bodies[1]", name; undefined where there is none. */
 const numbered = (things, part, number) => things.filter((thing) => thing.part === part)[Number(number)];
@@ -92,15 +97,16 @@ export const materialOf = ({ material }) => (typeof material === "string" ? mate
 
 const SOLE = ["water", "sand", "elastic"]; // what has a look of its own
 
-/** What a thing looks like: its material, or "obstacles" or "sinks". */
+/** What a thing looks like: its material, or "rigid", "obstacles" or "sinks". */
 export function lookOf({ part, record }) {
-  if (part === "obstacles" || part === "sinks") return part;
+  if (["rigid", "obstacles", "sinks"].includes(part)) return part;
   return SOLE.includes(materialOf(record)) ? materialOf(record) : "liquid";
 }
 
 export function titleOf({ part, record }) {
   if (part === "obstacles") return record.shape === "segment" ? "Ramp" : "Obstacle";
   if (part === "sinks") return "Sink";
+  if (part === "rigid") return `Rigid ${record.shape === "hull" ? "polygon" : record.shape}`;
   const material = MATERIALS[materialOf(record)] ?? "Liquid";
   return part === "emitters" ? `Emitter of ${material.toLowerCase()}` : material;
 }
@@ -126,15 +132,18 @@ const inside = ([a, b], lower, upper) => [0, 1].every((k) => a[k] > lower[k] && 
 
 /** Corners of the box around a thing [m]; null for one without an end. */
 export function boundsOf({ record }) {
+  if (record.rotation) return boundsAround(record.radius === undefined ? outlineOf(record) : [record.center], record.radius);
   if (record.lower !== undefined) return [record.lower, record.upper];
   if (record.center !== undefined) {
     const reach = record.radius ?? 0;
     return [record.center.map((x) => x - reach), record.center.map((x) => x + reach)];
   }
   const points = record.start !== undefined ? [record.start, record.end] : record.points ?? record.vertices;
-  if (points === undefined) return null;
-  return [0, 1].map((end) => [0, 1].map((k) => Math[end === 0 ? "min" : "max"](...points.map((p) => p[k]))));
+  return points === undefined ? null : boundsAround(points);
 }
+
+const boundsAround = (points, reach = 0) =>
+  [-1, 1].map((end) => [0, 1].map((k) => Math[end < 0 ? "min" : "max"](...points.map((p) => p[k])) + end * reach));
 
 const POINTS = ["lower", "upper", "center", "start", "end", "point"];
 
@@ -153,6 +162,7 @@ export function moved(thing, by) {
 
 /** Where a thing can be taken to resize it: {name: point}. */
 export function handlesOf({ part, record }) {
+  if (part === "rigid") return handlesOfRigid(record);
   if (record.start !== undefined) return { start: record.start, end: record.end };
   if (record.center !== undefined && record.radius !== undefined) return { rim: [record.center[0] + record.radius, record.center[1]] };
   if (record.lower === undefined) return {};
@@ -165,6 +175,7 @@ export function handlesOf({ part, record }) {
 export function resized(thing, handle, to) {
   const { part, record } = thing;
   const at = to.map(inBox);
+  if (part === "rigid") return { ...thing, record: resizedRigid(record, handle, at) };
   const become = (fields) => ({ ...thing, record: { ...record, ...fields } });
   if (handle === "start") return become({ start: apart(record.end, at) });
   if (handle === "end") return become({ end: apart(record.start, at) });
@@ -195,7 +206,7 @@ export function become({ record }, matter) {
 }
 
 /** The handle that the keyboard moves. */
-export const lastHandle = (thing) => ["end", "rim", "upper"].find((name) => name in handlesOf(thing));
+export const lastHandle = (thing) => ["end", "rim", "upper", "turn"].find((name) => name in handlesOf(thing));
 
 /** A box as a ball in its place, and a ball as a box; null where only one of both exists. */
 export function otherShape(thing) {
