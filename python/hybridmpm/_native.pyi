@@ -52,6 +52,7 @@ __all__ = [
     "answer_weights",
     "cfl_substeps",
     "cpu_features",
+    "filled_solid",
     "grid_mass",
     "least_acceleration",
     "limit_instructions",
@@ -62,6 +63,7 @@ __all__ = [
 ]
 
 _OfPoints: TypeAlias = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+_OfCells: TypeAlias = Callable[[list[float], float, list[int], float], npt.NDArray[np.bool_]]
 
 MAX_SUBSTEPS: int
 """Most substeps of a frame; frames that need more are refused."""
@@ -1487,6 +1489,43 @@ class Outlines:
         ConfigError
             `free` returns another number of booleans.
         """
+
+def filled_solid(
+    lower: Sequence[float],
+    upper: Sequence[float],
+    *,
+    center: Sequence[float],
+    low: Sequence[float],
+    high: Sequence[float],
+    solid: float,
+    volume: float,
+    particles: int,
+    shrinks: bool,
+    covers: _OfCells,
+    free: _OfPoints,
+) -> tuple[npt.NDArray[np.float64], float, float]:
+    """Return the region of a solid that a fluid is to fill, as `Outlines.filled` does that of a shape.
+
+    Parameters
+    ----------
+    center : sequence of 3 floats
+        Centre from which the solid grows [m].
+    low, high : sequence of 3 floats
+        Corners of the box around it [m].
+    solid : float
+        Volume of the solid [m^3].
+    covers : callable
+        Called with the lower corner (3,) [m] of a box of cells, their side [m], their number along each axis
+        and a factor; returns which of their centres lie in the solid grown by the factor, in one row, those
+        along the last axis first.
+
+    Others are those of `Outlines.filled`.
+
+    Raises
+    ------
+    ConfigError
+        `covers` or `free` returns another number of booleans.
+    """
 
 def match_to_region(
     x: npt.NDArray[np.float64],

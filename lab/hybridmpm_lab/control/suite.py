@@ -174,9 +174,9 @@ def _numbers(keyframe: Keyframe) -> list[float]:
     held = [float(keyframe.hold)] if keyframe.hold else []
     if isinstance(sketch, Ellipse):
         return [*sketch.center, *sketch.axes, sketch.angle, sketch.width or 0.0, *held]
-    if isinstance(sketch, Shape):
-        return [*np.concatenate(sketch.outlines).ravel(), sketch.width or 0.0, *held]
-    return [*sketch.points.ravel(), *held]
+    if isinstance(sketch, Arrow):
+        return [*sketch.points.ravel(), *held]
+    return [*np.concatenate(sketch.outlines).ravel(), sketch.width or 0.0, *held]
 
 
 class _Drawing:

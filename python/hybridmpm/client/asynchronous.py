@@ -27,7 +27,7 @@ from hybridmpm.client.settings import (
     SimulatorSettings,
     SketchSettings,
 )
-from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, Sketch, Stroke
+from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, Sketch, Solid, Stroke
 from hybridmpm.control.guidance import sketch_from_dict, sketch_to_dict
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
@@ -361,7 +361,7 @@ class AsyncSession:
 
         Parameters
         ----------
-        drawing : (K, 2) numbers, Stroke, bytes, Path, Arrow, Ellipse, Shape or list of Keyframe
+        drawing : (K, 2) numbers, Stroke, bytes, Path, Arrow, Ellipse, Shape, Solid or list of Keyframe
             Points of a stroke [m], a PNG, a sketch, or several in turn.
         kind : "arrow" or "ellipse", optional
             Kind of the sketch, of points alone; recognised by the service if absent.
@@ -691,7 +691,7 @@ def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> Jso
         if kind is not None:
             raise ConfigError("kind belongs to points: a picture says by its form and colour what it is")
         return {"files": {"sketch": ("sketch.png", drawing, "image/png")}, "data": dict(settings)}
-    if isinstance(drawing, Arrow | Ellipse | Shape):
+    if isinstance(drawing, Arrow | Ellipse | Shape | Solid):
         return {"json": {"sketch": _plain(drawing), **settings}}
     if isinstance(drawing, Sequence) and drawing and isinstance(drawing[0], Keyframe):
         keyframes = [

@@ -1,10 +1,11 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
 `parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. A `Shape` is any closed
-outline, which `shape_of_text`, `shape_of_picture` and `shape_of_path` make. `prepare` returns the effort of
-following one, and `prepare_keyframes` that of several in turn. `follow` lets a simulator follow them, frame
-by frame. `push` is a local force, `pull` holds a rigid body. `reversed_case` makes an example of control
-whose true end is known, and `Oracle` follows it by the forces that lead there.
+outline, which `shape_of_text`, `shape_of_picture` and `shape_of_path` make, and a `Solid` any closed surface
+in 3D. `prepare` returns the effort of following one, and `prepare_keyframes` that of several in turn.
+`follow` lets a simulator follow them, frame by frame. `push` is a local force, `pull` holds a rigid body.
+`reversed_case` makes an example of control whose true end is known, and `Oracle` follows it by the forces
+that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
@@ -43,9 +44,11 @@ from hybridmpm.control.sketch.sketch import (
     StrokeSketch,
     check_in_world,
 )
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
 from hybridmpm.control.sketch.tracing import shape_of_path, shape_of_picture, shape_of_text
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
+from hybridmpm.scene.facets import MAX_TRIANGLES
 
 __all__ = [
     "DEFAULT_CAP",
@@ -53,6 +56,7 @@ __all__ = [
     "MAX_KEYFRAMES",
     "MAX_OUTLINES",
     "MAX_POINTS",
+    "MAX_TRIANGLES",
     "METHODS",
     "Arrow",
     "ControlNet",
@@ -84,6 +88,7 @@ __all__ = [
     "Sketch",
     "SketchOptions",
     "SketchResult",
+    "Solid",
     "Stroke",
     "StrokeSketch",
     "Task",

@@ -22,6 +22,7 @@ from hybridmpm.control.laws import Floats32, Law, OfIds, Tracked, law_from_dict,
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch, check_in_world
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator, checked_simulator
@@ -181,7 +182,12 @@ def sketch_to_dict(sketch: Sketch) -> dict[str, Any]:
 
 def sketch_from_dict(tree: Mapping[str, Any]) -> Sketch:
     """Return the sketch of its kind and its fields; those that are None are left out."""
-    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
+    kinds: dict[str, Callable[..., Sketch]] = {
+        "arrow": Arrow,
+        "ellipse": Ellipse,
+        "shape": Shape,
+        "solid": Solid,
+    }
     fields = {name: value for name, value in tree.items() if name != "kind" and value is not None}
     return kinds[tree["kind"]](**fields)
 
@@ -220,11 +226,15 @@ def _goal_from_dict(tree: dict[str, Any], scene: Scene) -> Goal:
 
 
 def _figure_to_dict(figure: Figure) -> dict[str, Any]:
-    # A silhouette is always that of the sketch.
+    # A silhouette is always that of the sketch, and a solid is the sketch.
+    if isinstance(figure, Solid):
+        return {}
     return {"depth": figure.depth} if isinstance(figure, Silhouette) else vars(figure)
 
 
 def _figure_from_dict(tree: dict[str, Any], sketch: Sketch) -> Figure:
+    if isinstance(sketch, Solid):
+        return sketch
     return Silhouette(sketch, **tree) if isinstance(sketch, Shape) else Oval(**tree)
 
 
@@ -273,7 +283,7 @@ def prepare(
     simulator : Simulator
         In the state that the sketch was drawn on; it does not change. The particles that are there now are
         led, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
-    sketch : Arrow, Ellipse or Shape
+    sketch : Arrow, Ellipse, Shape or Solid
     method : str or Method
         "auto", which is "learned" where that won in 3D, else "analytic"; or one of: "analytic", guidance by
         optimal transport and least force; "constant", the paper's baseline, one acceleration for all;
@@ -367,8 +377,10 @@ class Settings:
 
 def check_sketch(sketch: Sketch, scene: Scene) -> None:
     """Raise `ConfigError` unless something is a sketch, and `SketchError` unless it lies in the world."""
-    if not isinstance(sketch, Arrow | Ellipse | Shape):
-        raise ConfigError(f"sketch must be an Arrow, an Ellipse or a Shape, got {type(sketch).__name__}")
+    if not isinstance(sketch, Arrow | Ellipse | Shape | Solid):
+        raise ConfigError(
+            f"sketch must be an Arrow, an Ellipse, a Shape or a Solid, got {type(sketch).__name__}"
+        )
     check_in_world(sketch, scene.size)
 
 

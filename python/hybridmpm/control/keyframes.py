@@ -52,7 +52,7 @@ class Keyframe:
 
     Parameters
     ----------
-    goal : Arrow, Ellipse or Shape
+    goal : Arrow, Ellipse, Shape or Solid
     frames : int in [1, 10000], optional
         Number of frames from the keyframe before, or from the start, to this goal. Chosen from what the goal
         needs if not given.

@@ -4,6 +4,7 @@ import struct
 
 import numpy as np
 
+from hybridmpm.control import Shape, Solid
 from hybridmpm.control.goal.region import Oval
 from hybridmpm.control.guidance import Guidance
 from hybridmpm.control.keyframes import Led, Sequence
@@ -66,18 +67,17 @@ def _bytes(guidance: Guidance) -> bytes:
 
 
 def drawn(guidance: Guidance) -> list[list[list[float]]]:
-    """Return the lines of the sketch, each (K, D) [m]: an arrow's path, or outlines of an oval or a shape."""
+    """Return the lines of the sketch, each (K, D) [m]: the path of an arrow, or the outlines of others."""
     goal, figure = guidance.goal, guidance.goal.drawn
     lines = [goal.path]
     if isinstance(figure, Oval):
         turn = np.linspace(0, 2 * np.pi, _OUTLINE)
         around = np.stack([np.cos(turn), np.sin(turn)], axis=1) * figure.axes[:2]
         lines = [figure.center + around @ figure.directions[:2]]
-    elif figure is not None:
-        depth = np.asarray(figure.depth[:1])
+    elif isinstance(goal.sketch, Shape | Solid) and figure is not None:
         lines = [
-            np.hstack([closed, np.tile(depth, (len(closed), 1))])
-            for line in figure.shape.outlines
+            np.hstack([closed, np.tile(figure.center[2:], (len(closed), 1))])
+            for line in goal.sketch.outlines
             for closed in [np.vstack([line, line[:1]])]
         ]
     return [[[float(value) for value in point] for point in line] for line in lines]

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from hybridmpm import _core
 from hybridmpm._support.arguments import float64, real
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import meshes
@@ -19,7 +18,7 @@ from hybridmpm.scene.fields import LONGEST, Point, Points, raise_faults
 from hybridmpm.scene.shapes import Shaped
 
 _MOST_CORNERS = 1000
-_MOST_TRIANGLES = 200_000
+MAX_TRIANGLES = 200_000
 _LEVELS = 16
 """Number of heights between two corners of a polygon at which its width is taken."""
 
@@ -97,12 +96,12 @@ class MeshShape(Shaped):
     """What a closed surface of triangles encloses, 3D only. The surface must not cross itself."""
 
     shape: Literal["mesh"] = "mesh"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=_MOST_TRIANGLES)] = Field(
+    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=MAX_TRIANGLES)] = Field(
         description="Corners of the triangles, 3 coordinates each [m]."
     )
     triangles: Annotated[
         tuple[Annotated[tuple[int, ...], Field(min_length=3, max_length=3)], ...],
-        Field(min_length=4, max_length=_MOST_TRIANGLES),
+        Field(min_length=4, max_length=MAX_TRIANGLES),
     ] = Field(description="Indices of three vertices each, all of them the same way round.")
 
     @model_validator(mode="after")
@@ -134,8 +133,7 @@ class MeshShape(Shaped):
     @property
     def crossing(self) -> list[float] | None:
         """A point (3,) where triangles without a common corner cross [m]; None where none do."""
-        corners, indices = self._arrays()
-        return _core.Obstacle.mesh(corners.astype(np.float32), indices.astype(np.uint32)).crossing()
+        return meshes.crossing(*self._arrays())
 
     @property
     def measure(self) -> float:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _core
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.fields import Fault, Points
 
@@ -86,6 +87,44 @@ def volume(vertices: Points, triangles: Triangles) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
+def centroid(vertices: Points, triangles: Triangles) -> Points:
+    """Return the centre (3,) of the volume inside [m]."""
+    a, b, c = (vertices[triangles[:, corner]] - vertices[0] for corner in range(3))
+    parts = np.einsum("ij,ij->i", a, np.cross(b, c))
+    return np.asarray(vertices[0] + parts @ (a + b + c) / (4 * parts.sum()))
+
+
+def crossing(vertices: Points, triangles: Triangles) -> list[float] | None:
+    """Return a point (3,) where triangles without a common corner cross [m]; None where none do."""
+    return _core.Obstacle.mesh(vertices.astype(np.float32), triangles.astype(np.uint32)).crossing()
+
+
+def outlines(vertices: Points, triangles: Triangles) -> list[Points]:
+    """Return the closed lines (K, 2) [m] seen along z where the surface turns away."""
+    a, b, c = (vertices[triangles[:, corner], :2] for corner in range(3))
+    ab, ac = b - a, c - a
+    front = triangles[ab[:, 0] * ac[:, 1] > ab[:, 1] * ac[:, 0]]
+    edges = np.sort(np.concatenate([front[:, [0, 1]], front[:, [1, 2]], front[:, [2, 0]]]), axis=1)
+    ends, uses = np.unique(edges, axis=0, return_counts=True)
+    # An odd number of edges of the front ends nowhere: an even number of them meets at each vertex.
+    ways: dict[int, list[int]] = {}
+    for one, other in ends[uses % 2 == 1].tolist():
+        ways.setdefault(one, []).append(other)
+        ways.setdefault(other, []).append(one)
+    lines = []
+    for start in list(ways):
+        while ways[start]:
+            line = [start]
+            while True:
+                after = ways[line[-1]].pop()
+                ways[after].remove(line[-1])
+                if after == start:
+                    break
+                line.append(after)
+            lines.append(vertices[line, :2])
+    return lines
+
+
 def area(vertices: Points, triangles: Triangles) -> float:
     """Return the area of the surface [m^2]."""
     a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
@@ -116,6 +155,35 @@ def tests_of_a_point(vertices: Points, triangles: Triangles) -> float:
 def contains(vertices: Points, triangles: Triangles, x: Points) -> npt.NDArray[np.bool_]:
     """Return whether points (N, 3) are inside: where a ray along z crosses an odd number of triangles."""
     odd = np.zeros(len(x), dtype=bool)
+    for corners, normal, crossed in _crossed(vertices, triangles, x):
+        offset = x[crossed] - corners[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            above = (normal * offset).sum(axis=1) / normal[:, 2] < 0
+        odd ^= np.bincount(crossed[above], minlength=len(x)) % 2 == 1
+    return odd
+
+
+def raster(
+    vertices: Points, triangles: Triangles, lower: Points, side: float, counts: npt.NDArray[np.int64]
+) -> npt.NDArray[np.bool_]:
+    """Return which of cubes of a side [m] from `lower` (3,) on have their centre inside; (X, Y, Z)."""
+    x, y = (lower[axis] + side * (np.arange(counts[axis]) + 0.5) for axis in range(2))
+    rays = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))], axis=-1).reshape(-1, 3)
+    ends = np.zeros((len(rays), int(counts[2]) + 1), dtype=np.int64)
+    for corners, normal, ray in _crossed(vertices, triangles, rays):
+        offset = rays[ray, :2] - corners[:, 0, :2]
+        height = corners[:, 0, 2] - (normal[:, :2] * offset).sum(axis=1) / normal[:, 2]
+        # From the first centre above it on, everything changes sides.
+        above = np.clip(np.ceil((height - lower[2]) / side - 0.5), 0, counts[2]).astype(np.int64)
+        np.add.at(ends, (ray, above), 1)
+    inside = np.cumsum(ends[:, :-1], axis=1) % 2 == 1
+    return np.asarray(inside.reshape(counts))
+
+
+def _crossed(
+    vertices: Points, triangles: Triangles, x: Points
+) -> Iterator[tuple[Points, Points, npt.NDArray[np.int64]]]:
+    """Yield triangles that rays along z through points (N, 3) cross: corners, normals, indices of points."""
     for triangle, point in _near(vertices, triangles, x):
         corners = vertices[triangles[triangle]]
         px, py = x[point, 0], x[point, 1]
@@ -129,12 +197,7 @@ def contains(vertices: Points, triangles: Triangles, x: Points) -> npt.NDArray[n
                 across = a[:, 0] + (py - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
             within ^= ((a[:, 1] <= py) != (b[:, 1] <= py)) & (px < across)
         corners, crossed = corners[within], point[within]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        offset = x[crossed] - corners[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            above = (normal * offset).sum(axis=1) / normal[:, 2] < 0
-        odd ^= np.bincount(crossed[above], minlength=len(x)) % 2 == 1
-    return odd
+        yield corners, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), crossed
 
 
 def _near(
@@ -163,9 +226,9 @@ def _near(
     begin = first[row * count + start[owner, 1]]
     points = first[row * count + stop[owner, 1]] - begin
     ends = np.cumsum(points)
-    cuts = np.searchsorted(
-        ends, np.arange(0, int(ends[-1]) if len(ends) else 0, _PAIRS_AT_ONCE), side="right"
-    )
+    if not len(ends) or not ends[-1]:
+        return
+    cuts = np.searchsorted(ends, np.arange(0, int(ends[-1]), _PAIRS_AT_ONCE), side="right")
     for low, high in zip(cuts, [*cuts[1:], len(points)], strict=True):
         some = points[low:high]
         triangle = np.repeat(owner[low:high], some)

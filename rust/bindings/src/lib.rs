@@ -130,6 +130,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(signals::after_signals, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
+    module.add_function(wrap_pyfunction!(guidance::filled_solid, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::match_to_region, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::least_acceleration, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::push_force, module)?)?;

@@ -6,7 +6,7 @@ use crate::error::GuidanceError;
 use crate::matching::{in_cells, match_to_region};
 use crate::outlines::Outlines;
 use crate::plan::Plan;
-use crate::silhouette::Silhouette;
+use crate::silhouette::{Filling, Silhouette};
 use crate::ways::{Present, Settings, Settling, Ways};
 
 /// Largest number of frames at the end in which particles are given places of a shape anew.
@@ -81,8 +81,13 @@ impl<const D: usize> Fluid<'_, D> {
             depth: None,
         };
         let free = |x: &[[f64; D]]| Ok::<_, Infallible>(free(x));
-        let count = self.present.ids.len();
-        let Ok(filled) = silhouette.filled(self.walls, self.volume, count, false, free);
+        let filling = Filling {
+            walls: self.walls,
+            volume: self.volume,
+            particles: self.present.ids.len(),
+            shrinks: false,
+        };
+        let Ok(filled) = silhouette.filled(filling, free);
         let room = filled.cells.len() as f64 * filled.side.powi(D as i32);
         if room < 0.99 * self.volume {
             return Err(refused(

@@ -33,7 +33,7 @@ pub use matching::{Matching, in_cells, match_to_region};
 pub use outlines::Outlines;
 pub use plan::Plan;
 pub use push::Push;
-pub use silhouette::{Filled, SEAMS, Silhouette};
+pub use silhouette::{Extent, Filled, Filling, Lattice, SEAMS, Silhouette};
 pub use spline::{Timing, least_acceleration};
 pub use ways::{ANEW, Forces, Present, Room, SHORTEST_FRAMES, Settings, Settling, Ways};
 pub use ways_file::Followed;

@@ -15,27 +15,35 @@ pub struct Paths<const D: usize> {
     pub v: Vec<[f32; D]>,
 }
 
+/// Refuses ranges of knots, and numbers of their times, places and velocities, that do not fit together.
+pub(crate) fn check_knots(
+    starts: &[u32],
+    [knots, places, velocities]: [usize; 3],
+) -> Result<(), GuidanceError> {
+    let starts_fit = starts.first() == Some(&0)
+        && starts.last() == Some(&(knots as u32))
+        && starts.windows(2).all(|pair| pair[0] + 2 <= pair[1]);
+    if !starts_fit {
+        return Err(GuidanceError::new(
+            "starts",
+            "0, ..., the number of knots, 2 or more apart",
+            &format!("{starts:?}"),
+        ));
+    }
+    if [places, velocities] != [knots; 2] {
+        return Err(GuidanceError::new(
+            "knots",
+            format!("{knots} places and velocities"),
+            &format!("{places} and {velocities}"),
+        ));
+    }
+    Ok(())
+}
+
 impl<const D: usize> Paths<D> {
     /// Refuses paths that do not fit together.
     pub(crate) fn check(&self) -> Result<(), GuidanceError> {
-        let knots = self.times.len();
-        let starts_fit = self.starts.first() == Some(&0)
-            && self.starts.last() == Some(&(knots as u32))
-            && self.starts.windows(2).all(|pair| pair[0] + 2 <= pair[1]);
-        if !starts_fit {
-            return Err(GuidanceError::new(
-                "starts",
-                "0, ..., the number of knots, 2 or more apart",
-                &format!("{:?}", self.starts),
-            ));
-        }
-        if [self.x.len(), self.v.len()] != [knots; 2] {
-            return Err(GuidanceError::new(
-                "knots",
-                format!("{knots} places and velocities"),
-                &format!("{} and {}", self.x.len(), self.v.len()),
-            ));
-        }
+        check_knots(&self.starts, [self.times.len(), self.x.len(), self.v.len()])?;
         let ordered = |range: &[u32]| {
             self.times[range[0] as usize..range[1] as usize]
                 .windows(2)

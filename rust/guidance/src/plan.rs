@@ -2,6 +2,7 @@
 
 use crate::error::{GuidanceError, finite};
 use crate::matching::Matching;
+use crate::paths::check_knots;
 use crate::spline::least_acceleration;
 
 /// Paths of groups of particles with their times.
@@ -127,24 +128,8 @@ impl<const D: usize> Plan<D> {
 
     /// Refuses arrays that do not fit together.
     pub(crate) fn check(&self) -> Result<(), GuidanceError> {
-        let knots = self.times.len();
-        let starts_fit = self.starts.first() == Some(&0)
-            && self.starts.last() == Some(&(knots as u32))
-            && self.starts.windows(2).all(|pair| pair[0] + 2 <= pair[1]);
-        if !starts_fit {
-            return Err(GuidanceError::new(
-                "starts",
-                "0, ..., the number of corners, 2 or more apart",
-                &format!("{:?}", self.starts),
-            ));
-        }
-        if [self.corners.len(), self.v.len()] != [knots; 2] {
-            return Err(GuidanceError::new(
-                "corners",
-                format!("{knots} places and velocities"),
-                &format!("{} and {}", self.corners.len(), self.v.len()),
-            ));
-        }
+        let knots = [self.times.len(), self.corners.len(), self.v.len()];
+        check_knots(&self.starts, knots)?;
         if self.places.len() != self.group.len() {
             return Err(GuidanceError::new(
                 "places",

@@ -1,4 +1,4 @@
-//! The region of a shape that a fluid is to fill.
+//! The region of a shape or a solid that a fluid is to fill.
 
 use crate::outlines::Outlines;
 
@@ -20,7 +20,44 @@ pub struct Silhouette<'a> {
     pub depth: Option<[f64; 2]>,
 }
 
-/// The part of a silhouette that is filled, at its final size.
+/// What a fluid that fills something takes.
+#[derive(Clone, Copy, Debug)]
+pub struct Filling<const D: usize> {
+    /// Lower and upper corner of the walls [m].
+    pub walls: [[f64; D]; 2],
+    /// Volume at rest [m^D].
+    pub volume: f64,
+    /// Number of particles.
+    pub particles: usize,
+    /// Whether what is larger than the fluid is shrunk to it, instead of filled evenly.
+    pub shrinks: bool,
+}
+
+/// Where something lies that a fluid is to fill.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent<const D: usize> {
+    /// Centre from which it grows [m].
+    pub center: [f64; D],
+    /// Lower and upper corner of the box around it [m].
+    pub bounds: [[f64; D]; 2],
+    /// Volume [m^D].
+    pub volume: f64,
+}
+
+/// Cells all over a box.
+#[derive(Clone, Debug)]
+pub struct Lattice<const D: usize> {
+    /// Lower corner of the first cell [m].
+    pub lower: [f64; D],
+    /// Side of a cell [m].
+    pub side: f64,
+    /// Number of cells along each axis.
+    pub counts: [usize; D],
+    /// Centres of the cells, those along the last axis first [m].
+    pub centers: Vec<[f64; D]>,
+}
+
+/// The part of something that is filled, at its final size.
 #[derive(Debug)]
 pub struct Filled<const D: usize> {
     /// Centres of equal cells that make up the region [m].
@@ -32,20 +69,26 @@ pub struct Filled<const D: usize> {
 }
 
 impl Silhouette<'_> {
-    fn center<const D: usize>(&self) -> [f64; D] {
-        let depth = self.depth.map_or(0.0, |depth| depth[0]);
+    fn extent<const D: usize>(&self) -> Extent<D> {
+        let [middle, half] = self.depth.unwrap_or([0.0; 2]);
         let [x, y] = self.outlines.center;
-        std::array::from_fn(|axis| [x, y, depth][axis])
-    }
-
-    /// Volume, in 2D the area [m^D].
-    fn volume(&self) -> f64 {
-        self.outlines.area * self.depth.map_or(1.0, |depth| 2.0 * depth[1])
+        let [low, high] = self.outlines.bounds;
+        let [center, low, high] = [
+            [x, y, middle],
+            [low[0], low[1], middle - half],
+            [high[0], high[1], middle + half],
+        ]
+        .map(|point| std::array::from_fn(|axis| point[axis]));
+        Extent {
+            center,
+            bounds: [low, high],
+            volume: self.outlines.area * self.depth.map_or(1.0, |depth| 2.0 * depth[1]),
+        }
     }
 
     /// Which points lie in the silhouette grown by a factor from its centre.
     pub fn covers<const D: usize>(&self, points: &[[f64; D]], scale: f64) -> Vec<bool> {
-        let center = self.center::<D>();
+        let center = self.extent::<D>().center;
         let at_rest = |axis: usize, x: &[f64; D]| center[axis] + (x[axis] - center[axis]) / scale;
         let front: Vec<_> = points
             .iter()
@@ -60,20 +103,37 @@ impl Silhouette<'_> {
         inside
     }
 
-    /// Cells for a fluid of a volume [m^D] between walls. `free` says which points no obstacle takes.
-    ///
-    /// Where the free part of the shape is smaller than the fluid, the shape grows, with its holes, until that part is
-    /// as large. Where it is larger, it is filled evenly, or shrunk with `shrinks`.
+    /// Cells for a fluid, as of `Extent::filled`.
     pub fn filled<const D: usize, E>(
         &self,
-        [lower, upper]: [[f64; D]; 2],
-        volume: f64,
-        particles: usize,
-        shrinks: bool,
+        fluid: Filling<D>,
         free: impl Fn(&[[f64; D]]) -> Result<Vec<bool>, E>,
     ) -> Result<Filled<D>, E> {
-        let volume = volume * SEAMS[D];
-        let wanted = volume.max(if shrinks { 0.0 } else { self.volume() });
+        let covers = |cells: &Lattice<D>, scale: f64| Ok(self.covers(&cells.centers, scale));
+        self.extent().filled(fluid, covers, free)
+    }
+}
+
+impl<const D: usize> Extent<D> {
+    /// Cells for a fluid. `covers` says which centres of cells are inside after growth by a factor from the centre, and
+    /// `free` which of them no obstacle takes.
+    ///
+    /// Where the free part is smaller than the fluid, the whole grows, with its holes, until that part is as large.
+    /// Where it is larger, it is filled evenly, or shrunk.
+    pub fn filled<E>(
+        &self,
+        fluid: Filling<D>,
+        covers: impl Fn(&Lattice<D>, f64) -> Result<Vec<bool>, E>,
+        free: impl Fn(&[[f64; D]]) -> Result<Vec<bool>, E>,
+    ) -> Result<Filled<D>, E> {
+        let Filling {
+            walls: [lower, upper],
+            particles,
+            shrinks,
+            ..
+        } = fluid;
+        let volume = fluid.volume * SEAMS[D];
+        let wanted = volume.max(if shrinks { 0.0 } else { self.volume });
         let side = root::<D>(wanted / (CELLS_PER_PARTICLE * particles as f64));
         let cell = side.powi(D as i32);
         let needed = (volume / cell).round_ties_even().max(1.0);
@@ -81,8 +141,8 @@ impl Silhouette<'_> {
             let lattice = self.lattice([lower, upper], side, scale);
             let within =
                 |x: &[f64; D]| (0..D).all(|axis| lower[axis] <= x[axis] && x[axis] <= upper[axis]);
-            let covered = self.covers(&lattice, scale);
-            let covered = lattice.into_iter().zip(covered);
+            let covered = covers(&lattice, scale)?;
+            let covered = lattice.centers.into_iter().zip(covered);
             let cells: Vec<_> = covered
                 .filter_map(|(x, covered)| (covered && within(&x)).then_some(x))
                 .collect();
@@ -92,7 +152,7 @@ impl Silhouette<'_> {
                 .filter_map(|(x, is_free)| is_free.then_some(x))
                 .collect())
         };
-        let mut scale = root::<D>(needed * cell / self.volume());
+        let mut scale = root::<D>(needed * cell / self.volume);
         if !shrinks && scale < 1.0 + CLOSE {
             scale = 1.0;
         }
@@ -115,27 +175,20 @@ impl Silhouette<'_> {
         })
     }
 
-    /// Centres of cells in the box around the silhouette grown by a factor; their lattice begins at the walls.
-    fn lattice<const D: usize>(
-        &self,
-        [lower, upper]: [[f64; D]; 2],
-        side: f64,
-        scale: f64,
-    ) -> Vec<[f64; D]> {
-        let center = self.center::<D>();
-        let [low, high] = self.outlines.bounds;
-        let [middle, half] = self.depth.unwrap_or([0.0; 2]);
-        let ends = [
-            [low[0], low[1], middle - half],
-            [high[0], high[1], middle + half],
-        ];
-        let mut lattice = vec![[0.0; D]];
+    /// Centres of cells in the box around it after growth by a factor; their lattice begins at the walls.
+    fn lattice(&self, [lower, upper]: [[f64; D]; 2], side: f64, scale: f64) -> Lattice<D> {
+        let center = self.center;
+        let (mut from, mut counts) = ([0.0; D], [0; D]);
+        let mut centers = vec![[0.0; D]];
         for axis in 0..D {
-            let [low, high] = ends.map(|end| center[axis] + scale * (end[axis] - center[axis]));
+            let [low, high] =
+                (self.bounds).map(|end| center[axis] + scale * (end[axis] - center[axis]));
             let first = ((low.max(lower[axis]) - lower[axis]) / side).floor() as i64;
             let last = ((high.min(upper[axis]) - lower[axis]) / side).ceil() as i64;
             let along = |index: i64| lower[axis] + side * (index as f64 + 0.5);
-            lattice = lattice
+            from[axis] = lower[axis] + side * first as f64;
+            counts[axis] = usize::try_from(last - first).unwrap_or(0);
+            centers = centers
                 .into_iter()
                 .flat_map(|x| {
                     (first..last).map(move |index| {
@@ -146,7 +199,12 @@ impl Silhouette<'_> {
                 })
                 .collect();
         }
-        lattice
+        Lattice {
+            lower: from,
+            side,
+            counts,
+            centers,
+        }
     }
 }
 
@@ -178,7 +236,13 @@ mod tests {
             depth,
         };
         let all = |x: &[[f64; 2]]| Ok::<_, Infallible>(x.iter().map(free).collect());
-        silhouette.filled(WALLS, volume, 400, shrinks, all).unwrap()
+        let fluid = Filling {
+            walls: WALLS,
+            volume,
+            particles: 400,
+            shrinks,
+        };
+        silhouette.filled(fluid, all).unwrap()
     }
 
     #[test]

@@ -22,7 +22,6 @@ from hybridmpm.control import (
     Needs,
     Oval,
     Sequence,
-    Silhouette,
     Sketch,
     check_in_world,
     parse_png,
@@ -278,7 +277,8 @@ class GoalBody(Answer):
     """Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow and a
     shape."""
     outlines: list[list[list[float]]] | None = None
-    """Outlines of a shape at the size to fill, within the walls; [line][point][axis] [m]. Null for others."""
+    """Outlines of a shape, or of a solid in the front view, at the size to fill, within the walls;
+    [line][point][axis] [m]. Null for others."""
     region: list[list[float]] | None
     """Outline of the region to fill, within the walls; [point][axis] [m]. It is the oval, grown or shrunk as
     `needs.scale` says, or a disc around the tip of an arrow. Obstacles take their part of it. Null where an
@@ -288,8 +288,8 @@ class GoalBody(Answer):
     def of(cls, goal: Goal) -> Self:
         """Describe a goal."""
         region, outlines = goal.region, None
-        if region is not None and isinstance(region.figure, Silhouette):
-            outlines = _outlines(goal, region.figure, region.scale)
+        if region is not None and not isinstance(region.figure, Oval):
+            outlines = _outlines(goal, region.figure.center, region.scale)
         return cls(
             outlines=outlines,
             path=goal.path.round(_DIGITS).tolist(),
@@ -335,8 +335,8 @@ class GuidanceBody(Answer):
 
     sketch: dict[str, Any]
     """The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes`
-    [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the
-    depth."""
+    [m] and `angle` [rad], a "shape" with `outlines` [m], or a "solid" with `vertices` [m] and `triangles`. In
+    3D `widths` or `width` [pixels] give the depth of the others."""
     method: str
     """Name of the method that planned."""
     reason: str
@@ -461,14 +461,13 @@ def trajectory_arrays(motion: ControlledTrajectory, stride: int) -> dict[str, np
     }
 
 
-def _outlines(goal: Goal, shape: Silhouette, scale: float) -> list[list[list[float]]]:
-    """Return the lines of a shape grown by a factor, moved to the walls where they reach beyond them."""
-    dim = goal.cloud.dim
+def _outlines(goal: Goal, center: npt.NDArray[np.float64], scale: float) -> list[list[list[float]]]:
+    """Return the lines of a sketch grown by a factor from its centre, moved to the walls if beyond them."""
     lines = []
-    for line in shape.shape.outlines:
-        points = np.hstack([line, np.tile(shape.depth[:1], (len(line), 1))])
-        grown = shape.center + scale * (points - shape.center)
-        lines.append(np.clip(grown, goal.room.lower, goal.room.upper).round(_DIGITS)[:, :dim].tolist())
+    for line in getattr(goal.sketch, "outlines", ()):
+        points = np.hstack([line, np.tile(center[2:], (len(line), 1))])
+        grown = center + scale * (points - center)
+        lines.append(np.clip(grown, goal.room.lower, goal.room.upper).round(_DIGITS).tolist())
     return lines
 
 

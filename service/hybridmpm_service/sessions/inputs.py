@@ -20,6 +20,7 @@ from hybridmpm.control import (
     MAX_KEYFRAMES,
     MAX_OUTLINES,
     MAX_POINTS,
+    MAX_TRIANGLES,
     METHODS,
     Arrow,
     Ellipse,
@@ -31,6 +32,7 @@ from hybridmpm.control import (
     Sequence,
     Shape,
     Sketch,
+    Solid,
     Stroke,
 )
 from hybridmpm_service.errors import FieldError
@@ -104,9 +106,9 @@ class LimitedSettings(SketchSettings):
 
 
 class SketchRecord(Strict):
-    """A sketch as interpreted: an arrow has points and widths, a shape outlines, an ellipse the rest."""
+    """A sketch as interpreted; each kind has fields of its own."""
 
-    kind: Literal["arrow", "ellipse", "shape"]
+    kind: Literal["arrow", "ellipse", "shape", "solid"]
     """Kind of the sketch."""
     points: list[list[float]] | None = Field(default=None, max_length=MAX_POINTS)
     """Points of an arrow from tail to tip [m]."""
@@ -120,6 +122,10 @@ class SketchRecord(Strict):
     """Angle of the major axis to +x [rad]."""
     outlines: list[list[list[float]]] | None = Field(default=None, max_length=MAX_OUTLINES)
     """Closed lines of a shape [m]."""
+    vertices: list[list[float]] | None = Field(default=None, max_length=MAX_TRIANGLES)
+    """Corners of the triangles of a solid [m]."""
+    triangles: list[list[int]] | None = Field(default=None, max_length=MAX_TRIANGLES)
+    """Triangles of a solid, three indices of vertices each, all of them the same way round."""
     width: float | None = None
     """Width of the stroke of an ellipse or a shape [pixels of 512]."""
     note: str | None = Field(default=None, max_length=300)
@@ -139,7 +145,12 @@ class SketchRecord(Strict):
             The sketch is out of range, or has the fields of the other kind.
         """
         fields = self.model_dump(exclude={"kind"}, exclude_none=True)
-        kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse, "shape": Shape}
+        kinds: dict[str, Callable[..., Sketch]] = {
+            "arrow": Arrow,
+            "ellipse": Ellipse,
+            "shape": Shape,
+            "solid": Solid,
+        }
         return kinds[self.kind](**fields)
 
 

@@ -207,7 +207,10 @@ def _check(one: Input, field: str, scene: Scene, most_sketch_frames: int) -> Non
         try:
             one.goals()
         except TypeError:
-            text = "an arrow has points, an ellipse center, axes and angle, a shape outlines"
+            text = (
+                "an arrow has points, an ellipse center, axes and angle, a shape outlines, a solid vertices "
+                "and triangles"
+            )
             raise FieldError(f"{field}.sketch", text) from None
     if isinstance(one, PushInput) and one.push is not None:
         check_hand(one.push, scene, f"{field}.push.")

@@ -26,8 +26,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def _run(folder: Path, *arguments: str) -> Result:
-    return CliRunner().invoke(cli, ["control", str(folder / "scene.yaml"), *arguments])
+def _run(folder: Path, *arguments: str, scene: str = "scene.yaml") -> Result:
+    return CliRunner().invoke(cli, ["control", str(folder / scene), *arguments])
 
 
 def test_a_sketch_is_followed_and_written(folder: Path) -> None:
@@ -157,6 +157,21 @@ def test_shapes_and_goals_in_turn_are_read_from_files(folder: Path) -> None:
         assert run.output.count("needs ") == run.output.count("reached ") == (2 if name == "keyframes" else 1)
     with np.load(folder / "led.npz") as data:
         assert len(data["force"]) == 170
+
+
+@pytest.mark.needs("trimesh", "shapes")
+def test_a_file_of_a_surface_is_a_goal(folder: Path) -> None:
+    import trimesh
+
+    trimesh.creation.icosphere(2).export(folder / "ball.stl")
+    (folder / "goal.json").write_text(json.dumps({"file": "ball.stl", "center": [0.5] * 3, "height": 0.13}))
+    body = {"shape": "box", "lower": [0.2] * 3, "upper": [0.4] * 3, "material": "water"}
+    (folder / "space.json").write_text(json.dumps({"dim": 3, "resolution": 16, "bodies": [body]}))
+    run = _run(folder, "--sketch", str(folder / "goal.json"), "--frames", "40", scene="space.json")
+    assert "of 15 g allowed" in run.output
+    assert "make it thicker" in run.output
+    (folder / "goal.json").write_text(json.dumps({"file": "ball.stl", "center": [0.5] * 3}))
+    assert "height is missing beside file" in _run(folder, "--sketch", str(folder / "goal.json")).output
 
 
 @pytest.mark.parametrize(

@@ -110,6 +110,29 @@ def test_a_shape_and_then_goals_in_turn_steer_and_are_kept_in_the_log(service: A
     assert len({service.http.get(f"{one}/log").json()["digest"] for one in (path, twin)}) == 1
 
 
+TETRAHEDRON: dict[str, Any] = {
+    "kind": "solid",
+    "vertices": [[0.4, 0.4, 0.4], [0.7, 0.4, 0.4], [0.4, 0.7, 0.4], [0.4, 0.4, 0.7]],
+    "triangles": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+}
+
+
+def test_a_solid_steers_in_space_and_is_kept_in_the_log(service: Any) -> None:
+    body = {"shape": "box", "lower": [0.3, 0.3, 0.3], "upper": [0.5, 0.5, 0.5], "material": "water"}
+    path = service.create({"dim": 3, "resolution": 16, "bodies": [body]})
+    answer = service.http.post(f"{path}/sketches", json={"sketch": TETRAHEDRON, "frames": 30})
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["sketch"] == TETRAHEDRON
+    assert answer.json()["needs"]["obstructions"][0]["message"].endswith("make it thicker")
+    (line,) = answer.json()["goal"]["outlines"]
+    assert np.array(line).shape == (3, 3)
+    control = service.http.post(f"{path}/advance", json={"frames": 30}).json()["control"]
+    assert (control["kind"], control["phase"]) == ("solid", "done")
+    assert control["inside"] > 0.7
+    log = service.http.get(f"{path}/log").json()
+    assert service.http.post("/v1/sessions", json={"log": log}).json()["notice"] is None
+
+
 @pytest.mark.parametrize(
     ("request_", "field", "text"),
     [
@@ -132,6 +155,17 @@ def test_a_shape_and_then_goals_in_turn_steer_and_are_kept_in_the_log(service: A
             "body.keyframes[0].sketch",
             "points[1]: must be two numbers in [0, 1]",
         ),
+        (
+            {"sketch": TETRAHEDRON | {"triangles": TETRAHEDRON["triangles"][1:]}},
+            "body.sketch",
+            "triangles must have 4 to 200000 rows of 3 whole numbers, got (3, 3)",
+        ),
+        (
+            {"sketch": TETRAHEDRON | {"triangles": [*TETRAHEDRON["triangles"][1:], [0, 0, 1]]}},
+            "body.sketch",
+            "triangles must be closed, but have 3 open edges: vertices 0 and 1, (0.4, 0.4, 0.4) to",
+        ),
+        ({"sketch": TETRAHEDRON}, None, "a solid is a goal in 3D only: in 2D draw a shape"),
         ({"keyframes": [{"strokes": [ARROW], "frames": 9_999}] * 3}, None, "at most 400 are allowed"),
     ],
 )

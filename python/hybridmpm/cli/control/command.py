@@ -134,8 +134,8 @@ def control(
     The sketch is a PNG of a red arrow or a green outline on white, or a JSON file such as {"strokes":
     [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres. The fluid writes {"text":
     "WATER", "center": [0.5, 0.5], "height": 0.2}, and fills the dark parts of {"picture": "logo.png", ...} or
-    an SVG path {"path": "M0 0 L9 0 ...", ...}. {"keyframes": [{..., "frames": 120, "hold": 40}, ...]} are
-    followed in turn.
+    an SVG path {"path": "M0 0 L9 0 ...", ...}; in 3D also the closed surface {"file": "torus.stl", ...}.
+    {"keyframes": [{..., "frames": 120, "hold": 40}, ...]} are followed in turn.
 
     Prints the acceleration that the sketch needs and the goal that was reached; with --solver hybrid also the
     simulator of each frame, and why. The exit status is 1 if the goal is not reached; of a learned plan,

@@ -9,6 +9,7 @@ from PIL import Image
 from hybridmpm.control import (
     Keyframe,
     Sketch,
+    Solid,
     parse_png,
     parse_strokes,
     shape_of_path,
@@ -19,8 +20,15 @@ from hybridmpm.control.guidance import sketch_from_dict
 from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.scene.plain_data import from_json
 
-_PLACE = {"center", "height", "width"}
-_SOURCES = ("strokes", "sketch", "text", "picture", "path", "keyframes")
+_PLACE = {"center", "height"}
+_PLACES = {
+    "text": {*_PLACE, "width"},
+    "picture": {*_PLACE, "width"},
+    "path": {*_PLACE, "width"},
+    "file": _PLACE,
+}
+"""Fields beside a source, of which `width` may be absent."""
+_SOURCES = ("strokes", "sketch", "text", "picture", "path", "file", "keyframes")
 _FORMS = f"must be an object with one of {', '.join(_SOURCES)}"
 
 
@@ -59,13 +67,13 @@ def _keyframe(content: Any, folder: Path, size: tuple[float, ...]) -> Keyframe:
 
 
 def _goal(content: Any, folder: Path, size: tuple[float, ...]) -> Sketch:
-    """Return the one sketch of plain data; pictures are files beside it."""
+    """Return the one sketch of plain data; pictures and surfaces are files beside it."""
     sources = [name for name in _SOURCES[:-1] if isinstance(content, dict) and name in content]
     if len(sources) != 1:
         raise SketchError(_FORMS)
     (source,) = sources
     place = {name: value for name, value in content.items() if name != source}
-    allowed = _PLACE if source in {"text", "picture", "path"} else set()
+    allowed = _PLACES.get(source, set())
     if unknown := sorted(set(place) - allowed):
         raise SketchError(f"{unknown[0]}: there is no such field beside {source}")
     if missing := sorted(allowed - {"width"} - set(place)):
@@ -80,6 +88,8 @@ def _goal(content: Any, folder: Path, size: tuple[float, ...]) -> Sketch:
             return shape_of_text(value, **place)
         case "path":
             return shape_of_path(value, **place)
+        case "file":
+            return Solid.read(folder / str(value), **place)
         case _:
             with Image.open(folder / value) as picture:
                 return shape_of_picture(picture, **place)
@@ -89,4 +99,5 @@ def _interpreted(value: Any) -> Sketch:
     try:
         return sketch_from_dict(dict(value))
     except (TypeError, KeyError, ValueError):
-        raise SketchError("sketch: it must have a kind, arrow, ellipse or shape, and its fields") from None
+        kinds = "arrow, ellipse, shape or solid"
+        raise SketchError(f"sketch: it must have a kind, {kinds}, and its fields") from None

@@ -26,6 +26,7 @@ from hybridmpm.control.goal.region import (
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.threads import threaded
 from hybridmpm.control.sketch.sketch import Arrow, Shape, Sketch
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.scene import Scene
 from hybridmpm.scene.gaps import Gap, narrow_gaps
 from hybridmpm.scene.particle_types import SAND
@@ -143,7 +144,7 @@ class Goal:
     path: Floats
     """Path of the centre of mass (K, D) [m], from its present place."""
     drawn: Figure | None
-    """The oval or the shape as it was drawn; None for an arrow."""
+    """The oval, the shape or the solid as it was drawn; None for an arrow."""
     region: Region | None
     """Region that is filled; None where the fluid keeps its shape."""
     bent: tuple[str, ...] = ()
@@ -157,7 +158,12 @@ class Goal:
     @property
     def noun(self) -> str:
         """Name of what was drawn, in messages."""
-        return {"arrow": "arrow", "ellipse": "oval", "shape": "shape"}[self.sketch.kind]
+        return "oval" if self.sketch.kind == "ellipse" else self.sketch.kind
+
+    @property
+    def is_shaped(self) -> bool:
+        """Whether the goal is a shape or a solid."""
+        return isinstance(self.drawn, Silhouette | Solid)
 
     @property
     def leads_around(self) -> bool:
@@ -171,12 +177,8 @@ class Goal:
 
     @property
     def settles(self) -> bool:
-        """Whether particles are given places anew at the end: in shapes, which tear a fluid."""
-        return (
-            isinstance(self.drawn, Silhouette)
-            and self.cloud.elastic <= _SOLID
-            and not self.paths.cut_off.any()
-        )
+        """Whether particles are given places anew at the end: in shapes and solids, which tear a fluid."""
+        return self.is_shaped and self.cloud.elastic <= _SOLID and not self.paths.cut_off.any()
 
     def moving(self, frames: int) -> int:
         """Return for how many of a number of frames the motion lasts; what is left is for settling."""
@@ -267,9 +269,9 @@ class Goal:
     def inside_drawn(self, x: Floats) -> npt.NDArray[np.bool_] | None:
         """Return which points (N, D) lie in what was drawn; (N,), None for an arrow.
 
-        What is drawn is the front view, so in 3D the depth does not count.
+        What is drawn is the front view, so in 3D the depth does not count, but for a solid.
         """
-        return None if self.drawn is None else self.drawn.in_view.covers(x[:, :2])
+        return None if self.drawn is None else self.drawn.covers_drawn(x)
 
     def suggested_frames(self, cap: float) -> int:
         """Return the smallest number of frames that needs an acceleration well below the cap [g].
@@ -327,12 +329,13 @@ class Goal:
         found = []
         if isinstance(self.drawn, Silhouette) and self.drawn.shape.crosses_itself:
             found.append("lines of the shape cross: what they enclose an odd number of times is filled")
-        if isinstance(self.drawn, Silhouette) and self.region is not None:
+        if isinstance(self.drawn, Solid) and self.drawn.crosses_itself:
+            found.append("triangles of the solid cross: what they enclose an odd number of times is filled")
+        if isinstance(self.drawn, Silhouette | Solid) and self.region is not None:
             width = _LEAST_CELLS / self.room.scene.resolution
             if (share := self.drawn.narrow(width / self.region.scale)) > _NARROW:
-                text = (
-                    f"gaps of {100 * share:.0f} % of the shape's area are narrower than {_LEAST_CELLS} grid"
-                )
+                size = "shape's area" if isinstance(self.drawn, Silhouette) else "solid's volume"
+                text = f"gaps of {100 * share:.0f} % of the {size} are narrower than {_LEAST_CELLS} grid"
                 found.append(f"{text} cells, {100 * width:.1f} cm: some of the fluid stays in them")
         if self.drawn is not None and self.cloud.elastic > 0:
             found.append(f"elastic bodies keep their shape and will not fill the {self.noun}")
@@ -390,29 +393,32 @@ class Goal:
         return found
 
     def _too_thin(self) -> list[Obstruction]:
-        """Return the obstruction that much of a shape is too thin for the grid."""
-        if not isinstance(self.drawn, Silhouette) or self.region is None:
+        """Return the obstruction that much of a shape or a solid is too thin for the grid."""
+        if not isinstance(self.drawn, Silhouette | Solid) or self.region is None:
             return []
         width = _LEAST_CELLS / self.room.scene.resolution
         share = self.drawn.thin(width / self.region.scale)
-        if self.cloud.dim == 3 and 2 * self.region.scale * self.drawn.depth[1] < width:
-            deep = 200 * self.region.scale * self.drawn.depth[1]
+        if isinstance(self.drawn, Silhouette) and self._depth(self.drawn, self.region) < width:
+            deep = 100 * self._depth(self.drawn, self.region)
             text = f"the fluid fills the shape {deep:.1f} cm deep, and {_LEAST_CELLS} grid cells are"
             return [Obstruction("shape", f"{text} {100 * width:.1f} cm: draw it smaller")]
         if share <= _TOO_THIN:
             return []
-        text = f"{100 * share:.0f} % of the shape is thinner than {_LEAST_CELLS} grid cells"
-        return [Obstruction("shape", f"{text}, {100 * width:.1f} cm: draw it wider")]
+        text = f"{100 * share:.0f} % of the {self.noun} is thinner than {_LEAST_CELLS} grid cells"
+        remedy = "draw it wider" if isinstance(self.drawn, Silhouette) else "make it thicker"
+        return [Obstruction("shape", f"{text}, {100 * width:.1f} cm: {remedy}")]
+
+    @staticmethod
+    def _depth(drawn: Silhouette, region: Region) -> float:
+        """Return how deep a fluid fills a shape [m]; without end in 2D."""
+        return 2 * region.scale * float(drawn.depth[1]) if len(drawn.depth) else float("inf")
 
     def _shapeless(self) -> list[Obstruction]:
         """Return the obstruction that elastic bodies, moved to an oval as they are, do not lie in it."""
-        moved = self.cloud.x + self.target_displacement
-        inside = self.inside(moved)
-        if (
-            self.cloud.elastic <= _SOLID
-            or inside is None
-            or (share := float(self.cloud.weight @ inside)) >= FULL
-        ):
+        if self.cloud.elastic <= _SOLID:
+            return []
+        inside = self.inside(self.cloud.x + self.target_displacement)
+        if inside is None or (share := float(self.cloud.weight @ inside)) >= FULL:
             return []
         text = f"of elastic bodies in the shape that they have, {100 * share:.0f} % would lie in it"
         return [Obstruction("shape", f"{text}: draw it round that shape, or draw an arrow")]
@@ -449,14 +455,14 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
     if isinstance(sketch, Arrow):
         return _carried(sketch, cloud, room, scene)
     drawn: Figure
-    if isinstance(sketch, Shape):
+    if isinstance(sketch, Solid):
+        drawn, name = sketch, "the solid"
+    elif isinstance(sketch, Shape):
         drawn, name = Silhouette.drawn(sketch, cloud, scene.walls), "the shape"
     else:
         drawn, name = Oval.drawn(sketch, cloud, scene.walls), "the oval"
     region = region_of(drawn, room, volume=cloud.volume, particles=len(cloud.x), fill=fill, name=name)
-    paths = Paths.matched(
-        cloud, region.cells, room.grid(), region.side if isinstance(drawn, Silhouette) else None
-    )
+    paths = Paths.matched(cloud, region.cells, room.grid(), None if isinstance(drawn, Oval) else region.side)
     path = np.stack([cloud.centroid, cloud.weight @ paths.places])
     return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, drawn, region)
 

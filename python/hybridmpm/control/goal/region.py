@@ -11,6 +11,7 @@ from hybridmpm import _core
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.sketch.sketch import Ellipse, Shape, depth_of_width
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.errors import SketchError
 from hybridmpm.scene import Walls
 
@@ -44,10 +45,10 @@ class Oval:
         axes = np.append(sketch.axes, np.sqrt(sketch.axes[0] * sketch.axes[1]))
         return cls(np.append(sketch.center, depth), axes, directions)
 
-    @property
-    def in_view(self) -> "Oval":
-        """The ellipse that it is in the front view."""
-        return Oval(self.center[:2], self.axes[:2], self.directions[:2, :2])
+    def covers_drawn(self, x: Floats, scale: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Return which points (N, D) [m] lie in the ellipse, grown by a factor, of the front view; (N,)."""
+        drawn = Oval(self.center[:2], self.axes[:2], self.directions[:2, :2])
+        return drawn.covers(x[:, :2], scale)
 
     @classmethod
     def ball(cls, center: Floats, volume: float) -> Self:
@@ -113,10 +114,9 @@ class Silhouette:
         """Centre of the volume (D,) [m]."""
         return np.append(self.shape.center, self.depth[:1])
 
-    @property
-    def in_view(self) -> "Silhouette":
-        """The shape that it is in the front view."""
-        return Silhouette(self.shape, np.empty(0))
+    def covers_drawn(self, x: Floats, scale: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Return which points (N, D) [m] lie in the shape, grown by a factor, of the front view; (N,)."""
+        return Silhouette(self.shape, np.empty(0)).covers(x[:, :2], scale)
 
     @property
     def volume(self) -> float:
@@ -170,7 +170,7 @@ class Silhouette:
         return points[self.covers(points)]
 
 
-Figure: TypeAlias = Oval | Silhouette
+Figure: TypeAlias = Oval | Silhouette | Solid
 """What a sketch encloses."""
 
 Fill = Literal["even", "shrink"]
@@ -235,7 +235,7 @@ def region_of(
 
     Parameters
     ----------
-    figure : Oval or Silhouette
+    figure : Oval, Silhouette or Solid
     room : Room
         Walls and obstacles.
     volume : float
@@ -271,6 +271,22 @@ def _filled(figure: Figure, room: Room, *, volume: float, particles: int, fill: 
             shrinks=fill == "shrink",
             free=lambda cells: room.distance(cells) >= 0,
             depth=figure.depth.tolist() or None,
+        )
+        return Region(figure, room, scale, cells, len(cells) * side**dim)
+    if isinstance(figure, Solid):
+        low, high = figure.bounds
+        cells, side, scale = _core.filled_solid(
+            room.lower.tolist(),
+            room.upper.tolist(),
+            center=figure.center.tolist(),
+            low=low.tolist(),
+            high=high.tolist(),
+            solid=figure.volume,
+            volume=volume,
+            particles=particles,
+            shrinks=fill == "shrink",
+            covers=figure.covers_cells,
+            free=lambda cells: room.distance(cells) >= 0,
         )
         return Region(figure, room, scale, cells, len(cells) * side**dim)
     volume *= _ROOM

@@ -11,6 +11,7 @@ from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.coarse.merging import merge
 from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Shape, Sketch
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.control.sketch.strokes import parse_strokes
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene.particle_types import GOOP, LIQUID, SAND, WATER
@@ -45,7 +46,7 @@ def chosen(simulator: Simulator, who: Who | npt.NDArray[np.uint64]) -> npt.NDArr
         if who not in MATERIALS:
             raise ConfigError(f"who {_FORMS}, got {who!r}{did_you_mean(who, tuple(MATERIALS))}")
         found = simulator.materials == MATERIALS[who]
-    elif isinstance(who, Arrow | Ellipse | Shape):
+    elif isinstance(who, Arrow | Ellipse | Shape | Solid):
         found = _under(who, simulator)
     elif isinstance(who, Mapping):
         found = (
@@ -58,7 +59,7 @@ def chosen(simulator: Simulator, who: Who | npt.NDArray[np.uint64]) -> npt.NDArr
     else:
         raise ConfigError(f"who {_FORMS}, got {who!r}")
     if not found.any():
-        name = "the stroke" if isinstance(who, Arrow | Ellipse | Shape) else repr(who)
+        name = "the stroke" if isinstance(who, Arrow | Ellipse | Shape | Solid) else repr(who)
         raise ConfigError(f"who: {name} chooses none of the {simulator.particle_count} particles")
     return np.asarray(found)
 
@@ -85,7 +86,9 @@ def _of_body(simulator: Simulator, body: int) -> npt.NDArray[np.bool_]:
 
 
 def _under(stroke: Sketch, simulator: Simulator) -> npt.NDArray[np.bool_]:
-    """Return which particles lie in an oval or a shape of the front view, or near to a line, (N,)."""
+    """Return which particles lie in an oval, a shape or a solid, or near to a line, (N,)."""
+    if isinstance(stroke, Solid):
+        return stroke.covers(simulator.positions.astype(np.float64))
     x, reach = simulator.positions.astype(np.float64)[:, :2], _REACH * max(simulator.scene.size)
     if isinstance(stroke, Arrow):
         count = 2 + int(2 * arc_lengths(stroke.points)[-1] / reach)

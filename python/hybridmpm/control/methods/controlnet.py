@@ -69,7 +69,7 @@ class ControlNet:
         """
         if task.goal.cloud.partial:
             raise FallBack("the network has seen whole fluids only")
-        if task.goal.sketch.kind == "shape":
+        if task.goal.is_shaped:
             raise FallBack("the network follows arrows and ovals only")
         network = serving(ControlNetwork, self._network, simulator.scene)
         name = str(network.name)

@@ -13,8 +13,8 @@ from hybridmpm.control.sketch.sketch import (
     ONE_METRE,
     RASTER_SIZE,
     Arrow,
+    Ellipse,
     Floats,
-    Shape,
     Sketch,
     margin_of,
 )
@@ -66,11 +66,12 @@ def drawing_of(sketch: Sketch, longest: float = 1.0) -> Drawing:
     """Return the drawing of a sketch in a world whose longest side is given [m].
 
     An arrow has a shaft of its widths, or of `ARROW_WIDTH`, and a filled triangular head whose point is the
-    tip. The widths change linearly along each segment. An ellipse is one closed outline, a shape some.
+    tip. The widths change linearly along each segment. An ellipse is one closed outline, a shape and a
+    solid some.
     """
     if isinstance(sketch, Arrow):
         return _drawn_arrow(sketch, longest)
-    lines = sketch.outlines if isinstance(sketch, Shape) else (sketch.outline(257),)
+    lines = (sketch.outline(257),) if isinstance(sketch, Ellipse) else sketch.outlines
     width = OUTLINE_WIDTH if sketch.width is None else sketch.width
     closed = [np.vstack([line, line[:1]]) for line in lines]
     return Drawing(tuple(PenStroke(line, np.full(len(line), width)) for line in closed), color=GREEN)

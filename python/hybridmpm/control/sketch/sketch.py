@@ -1,9 +1,9 @@
-"""The sketches that a person can draw: an arrow, or an oval or any other outline of the place for the fluid.
+"""The sketches of a goal: an arrow, or an oval or any other outline of the place for the fluid.
 
 All are drawn in the front view (x, y) of the world with y up. Sketches know no world: `check_in_world` says
 whether one lies in it. In 3D the width of the stroke
 gives the depth z: `WIDTH_AT_BACK` pixels stand for the back wall (lower z), `WIDTH_AT_FRONT` pixels for the
-front wall (upper z), and widths between them for depths between, linearly.
+front wall (upper z), and widths between them for depths between, linearly. A `Solid` has its place in 3D.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import unmasked
+from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.errors import SketchError
 from hybridmpm.scene.fields import LONGEST
 
@@ -230,7 +231,7 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
 
 StrokeSketch: TypeAlias = Arrow | Ellipse
 """What one stroke of a pen, or a picture of it, is read as."""
-Sketch: TypeAlias = StrokeSketch | Shape
+Sketch: TypeAlias = StrokeSketch | Shape | Solid
 
 
 def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
@@ -238,7 +239,7 @@ def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
 
     Parameters
     ----------
-    sketch : Arrow, Ellipse or Shape
+    sketch : Arrow, Ellipse, Shape or Solid
     size : sequence of 2 or 3 floats
         Length of the world along each axis [m].
 
@@ -254,6 +255,9 @@ def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
         length = float(np.linalg.norm(np.diff(sketch.points, axis=0), axis=1).sum())
         if length < least:
             raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {least:.4g}")
+        return
+    if isinstance(sketch, Solid):
+        _check_solid(sketch, size, 2 * least)
         return
     if isinstance(sketch, Shape):
         for number, outline in enumerate(sketch.outlines):
@@ -271,6 +275,20 @@ def check_in_world(sketch: Sketch, size: Sequence[float]) -> None:
         raise SketchError(
             f"axes must be two lengths in [{least:.4g}, {longest:g}], got {sketch.axes.tolist()}"
         )
+
+
+def _check_solid(solid: Solid, size: Sequence[float], least: float) -> None:
+    """Raise `SketchError` unless a solid lies in a world of this size [m] and is large enough for it."""
+    if len(size) != 3:
+        raise SketchError("a solid is a goal in 3D only: in 2D draw a shape")
+    bad = np.flatnonzero(~np.all(solid.vertices <= size, axis=1))
+    if bad.size:
+        first = int(bad[0])
+        where = " x ".join(f"[0, {length:g}]" for length in size)
+        raise SketchError(f"vertices[{first}]: must be in {where} m, got {solid.vertices[first].tolist()}")
+    low, high = solid.bounds
+    if not np.all(high - low >= least):
+        raise SketchError(f"vertices: they must reach over at least {least:.4g} m along each axis")
 
 
 def check_points_in_world(points: Floats, size: Sequence[float]) -> None:

@@ -1,6 +1,6 @@
 //! `Outlines`: what closed lines enclose, and the region of it that a fluid fills.
 
-use ::guidance::{Filled, Outlines, Silhouette};
+use ::guidance::{Extent, Filled, Filling, Outlines, Silhouette};
 use numpy::{
     IntoPyArray, Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1,
     PyUntypedArrayMethods,
@@ -20,12 +20,85 @@ pub struct PyOutlines {
 /// Cells (M, D), their side, and the factor on the size.
 type Cells<'py> = (Bound<'py, PyArray2<f64>>, f64, f64);
 
+/// What a fluid that fills something takes: the walls, its volume, its particles, and whether the whole is shrunk to it.
+fn filling<const D: usize>(
+    [lower, upper]: [&[f64]; 2],
+    (volume, particles, shrinks): (f64, usize, bool),
+) -> PyResult<Filling<D>> {
+    Ok(Filling {
+        walls: [fixed("lower", lower)?, fixed("upper", upper)?],
+        volume,
+        particles,
+        shrinks,
+    })
+}
+
+/// The answer of a function of Python about some points.
+fn answered(name: &str, answer: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<bool>> {
+    let answer: PyReadonlyArray1<'_, bool> = answer.extract()?;
+    if answer.len() == count {
+        return Ok(answer.as_array().to_vec());
+    }
+    Err(config_error(format!(
+        "{name} must return {count} booleans, got {}",
+        answer.len()
+    )))
+}
+
+fn is_free<const D: usize>(free: &Bound<'_, PyAny>, points: &[[f64; D]]) -> PyResult<Vec<bool>> {
+    let given = (points.concat().into_pyarray(free.py())).reshape([points.len(), D])?;
+    answered("free", &free.call1((given,))?, points.len())
+}
+
+fn cells_of<const D: usize>(py: Python<'_>, found: Filled<D>) -> PyResult<Cells<'_>> {
+    let count = found.cells.len();
+    let cells = found.cells.into_flattened().into_pyarray(py);
+    Ok((cells.reshape([count, D])?, found.side, found.scale))
+}
+
+/// Cells of a solid in 3D that a fluid fills; see `Outlines.filled`.
+#[pyfunction]
+#[pyo3(signature = (lower, upper, *, center, low, high, solid, volume, particles, shrinks, covers, free))]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "keyword arguments of a Python function"
+)]
+pub fn filled_solid<'py>(
+    py: Python<'py>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    center: [f64; 3],
+    low: [f64; 3],
+    high: [f64; 3],
+    solid: f64,
+    volume: f64,
+    particles: usize,
+    shrinks: bool,
+    covers: &Bound<'py, PyAny>,
+    free: &Bound<'py, PyAny>,
+) -> PyResult<Cells<'py>> {
+    let extent = Extent {
+        center,
+        bounds: [low, high],
+        volume: solid,
+    };
+    let found = extent.filled(
+        filling([&lower, &upper], (volume, particles, shrinks))?,
+        |cells, scale| {
+            let answer = covers.call1((cells.lower, cells.side, cells.counts, scale))?;
+            answered("covers", &answer, cells.centers.len())
+        },
+        |points| is_free(free, points),
+    )?;
+    cells_of(py, found)
+}
+
 impl PyOutlines {
     fn fill<'py, const D: usize>(
         &self,
         py: Python<'py>,
-        [lower, upper]: [&[f64]; 2],
-        (volume, particles, shrinks): (f64, usize, bool),
+        walls: [&[f64]; 2],
+        fluid: (f64, usize, bool),
         depth: Option<[f64; 2]>,
         free: &Bound<'py, PyAny>,
     ) -> PyResult<Cells<'py>> {
@@ -33,24 +106,11 @@ impl PyOutlines {
             outlines: &self.inner,
             depth,
         };
-        let is_free = |cells: &[[f64; D]]| -> PyResult<Vec<bool>> {
-            let given = cells.concat().into_pyarray(py).reshape([cells.len(), D])?;
-            let answer = free.call1((given,))?;
-            let answer: PyReadonlyArray1<'_, bool> = answer.extract()?;
-            if answer.len() == cells.len() {
-                return Ok(answer.as_array().to_vec());
-            }
-            Err(config_error(format!(
-                "free must return {} booleans, got {}",
-                cells.len(),
-                answer.len()
-            )))
-        };
-        let walls = [fixed("lower", lower)?, fixed("upper", upper)?];
-        let found: Filled<D> = silhouette.filled(walls, volume, particles, shrinks, is_free)?;
-        let count = found.cells.len();
-        let cells = found.cells.into_flattened().into_pyarray(py);
-        Ok((cells.reshape([count, D])?, found.side, found.scale))
+        let fluid: Filling<D> = filling(walls, fluid)?;
+        cells_of(
+            py,
+            silhouette.filled(fluid, |points| is_free(free, points))?,
+        )
     }
 }
 

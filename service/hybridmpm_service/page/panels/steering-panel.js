@@ -20,7 +20,7 @@ function reachedText({ sketch, reached }, alone) {
   return alone ? `${text}; a network moves it as well as it can` : text;
 }
 
-const NAMES = { arrow: "arrow", ellipse: "oval", shape: "shape" };
+const NAMES = { arrow: "arrow", ellipse: "oval", shape: "shape", solid: "solid" };
 
 const HINTS = {
   orbit: "Drag to look around. Choose Push, Arrow or Oval to steer.",

@@ -79,7 +79,7 @@ def _in_view(drawn: Figure, region: Region, places: Floats) -> npt.NDArray[np.bo
     scale = max(1.0, region.scale)
     if places.shape[1] == 2:
         return region.reaches(places, scale)
-    return drawn.in_view.covers(places[:, :2], scale)
+    return drawn.covers_drawn(places, scale)
 
 
 def _too_dense(places: Floats, task: Task) -> float:

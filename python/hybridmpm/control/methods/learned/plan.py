@@ -71,7 +71,7 @@ class Learned:
         if task.goal.cloud.partial:
             raise FallBack("the network has seen whole fluids only")
         goal = task.goal
-        if goal.sketch.kind == "shape":
+        if goal.is_shaped:
             raise FallBack("the network follows arrows and ovals only")
         network = serving(TransportNetwork, self._network, simulator.scene)
         aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
