@@ -166,7 +166,7 @@ export interface GoalBody {
   path: number[][];
   /** Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow and a shape. */
   drawn: number[][] | null;
-  /** Outlines of a shape at the size to fill, within the walls; [line][point][axis] [m]. Null for others. */
+  /** Outlines of a shape, or of a solid in the front view, at the size to fill, within the walls; [line][point][axis] [m]. Null for others. */
   outlines?: number[][][] | null;
   /** Outline of the region to fill, within the walls; [point][axis] [m]. It is the oval, grown or shrunk as `needs.scale` says, or a disc around the tip of an arrow. Obstacles take their part of it. Null where an arrow keeps the fluid's shape. */
   region: number[][] | null;
@@ -700,7 +700,7 @@ export interface ShapeBody {
 }
 
 export interface SketchBody {
-  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the depth. */
+  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], a "shape" with `outlines` [m], or a "solid" with `vertices` [m] and `triangles`. In 3D `widths` or `width` [pixels] give the depth of the others. */
   sketch: Record<string, unknown>;
   /** Name of the method that planned. */
   method: string;
@@ -745,7 +745,7 @@ export interface SketchInput {
 
 export interface SketchRecord {
   /** Kind of the sketch. */
-  kind: "arrow" | "ellipse" | "shape";
+  kind: "arrow" | "ellipse" | "shape" | "solid";
   /** Points of an arrow from tail to tip [m]. */
   points?: number[][] | null;
   /** Width of an arrow's stroke at each point [pixels of 512]. */
@@ -758,6 +758,10 @@ export interface SketchRecord {
   angle?: number | null;
   /** Closed lines of a shape [m]. */
   outlines?: number[][][] | null;
+  /** Corners of the triangles of a solid [m]. */
+  vertices?: number[][] | null;
+  /** Triangles of a solid, three indices of vertices each, all of them the same way round. */
+  triangles?: number[][] | null;
   /** Width of the stroke of an ellipse or a shape [pixels of 512]. */
   width?: number | null;
   /** How a picture was read, where that is not obvious. */
@@ -801,7 +805,7 @@ export interface Stroke {
 }
 
 export interface TrajectoryBody {
-  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], or a "shape" with `outlines` [m]. In 3D `widths` or `width` [pixels] give the depth. */
+  /** The sketch as interpreted: an "arrow" with `points` [m], an "ellipse" with `center` [m], semi-`axes` [m] and `angle` [rad], a "shape" with `outlines` [m], or a "solid" with `vertices` [m] and `triangles`. In 3D `widths` or `width` [pixels] give the depth of the others. */
   sketch: Record<string, unknown>;
   /** Name of the method that planned. */
   method: string;
