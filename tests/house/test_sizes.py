@@ -40,11 +40,13 @@ LIMITS = {
     # 650 lines are for rigid bodies: their scenes, their places, findings and pictures.
     # 25 lines let tabs follow sketches.
     # 290 lines pull at rigid bodies, and send where they are.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 41_730),
+    # 370 lines fill closed surfaces.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 42_100),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     # 10 lines pass rigid bodies on to pictures.
-    "command line": (("python/hybridmpm/cli/**.py",), 2_950),
+    # 10 lines read closed surfaces as goals.
+    "command line": (("python/hybridmpm/cli/**.py",), 2_960),
     # The aim is 7 000.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs; 380 attack it.
     # 10 lines publish the worst case of the hybrid.
@@ -77,7 +79,8 @@ LIMITS = {
     # 125 lines read shapes of files, and answer surfaces.
     # 75 lines let tabs follow sketches.
     # 150 lines are for rigid bodies and hands that pull at them.
-    "service": (("service/**.py",), 13_195),
+    # 10 lines take closed surfaces as goals.
+    "service": (("service/**.py",), 13_205),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -115,7 +118,8 @@ LIMITS = {
     # 200 lines let rigid bodies float, slide, stack and be restored.
     # 130 lines follow sketches in tabs.
     # 480 lines send rigid bodies to viewers, place them, and pull at them.
-    "tests": (("tests/**.py",), 38_100),
+    # 180 lines fill closed surfaces.
+    "tests": (("tests/**.py",), 38_280),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""

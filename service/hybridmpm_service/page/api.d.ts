@@ -48,7 +48,7 @@ export interface Control {
   /** Number of the sketch in its session, counted from 1. */
   number: number;
   /** Kind of the sketch; of several in turn that of the present one. */
-  kind: "arrow" | "ellipse" | "shape";
+  kind: "arrow" | "ellipse" | "shape" | "solid";
   /** preparing: it is being planned; an older one may steer meanwhile. steering: it leads the fluid to the goal. out_of_reach: as steering, but something is known to be in the way. holding: it keeps the goal. done: it no longer steers. */
   phase: "preparing" | "steering" | "out_of_reach" | "holding" | "done";
   /** Name of the method that planned. */

@@ -44,7 +44,7 @@ class Control(_Record):
 
     number: int
     """Number of the sketch in its session, counted from 1."""
-    kind: Literal["arrow", "ellipse", "shape"]
+    kind: Literal["arrow", "ellipse", "shape", "solid"]
     """Kind of the sketch; of several in turn that of the present one."""
     phase: Phase
     """preparing: it is being planned; an older one may steer meanwhile. steering: it leads the fluid to the

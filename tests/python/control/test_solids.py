@@ -157,4 +157,4 @@ def test_a_fluid_fills_solids_and_goes_on_from_a_snapshot() -> None:
     assert first.inside is not None
     assert first.inside > 0.9
     with pytest.raises(ConfigError, match="chooses none"):
-        prepare(solver, torus, who=sized(BALL, 1e-6))
+        prepare(solver, torus, who=Solid(sized(BALL, 1e-6).vertices + 0.35, BALL.triangles))
