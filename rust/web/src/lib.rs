@@ -122,7 +122,8 @@ pub extern "C" fn frame_dt(player: &Player) -> f32 {
 }
 
 /// Advances by whole frames. With `numbers` above 0 a hand pushes; given are its point, its velocity, its radius and the
-/// largest acceleration [g]: D + D + 2 numbers in double precision, those in metres and seconds.
+/// largest acceleration [g]: D + D + 2 numbers in double precision, those in metres and seconds. Or a hand pulls; given are the
+/// number of a rigid body, the point that is held in the body's own frame, where it is drawn to, reach [m] and strength [N].
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(player: &mut Player, frames: usize, numbers: usize) -> bool {
     let done =
@@ -216,7 +217,7 @@ pub extern "C" fn rigid(player: &mut Player) -> *const f64 {
     }
 }
 
-/// 32 bytes: SHA-256 of ids (u64), positions and velocities (f32); null where they cannot be computed.
+/// 32 bytes: SHA-256 of ids (u64), positions and velocities (f32), and the numbers of rigid bodies (f64); null where they cannot be computed.
 #[unsafe(no_mangle)]
 pub extern "C" fn digest(player: &mut Player) -> *const u8 {
     keep(player.digest()).map_or(null(), <[u8]>::as_ptr)

@@ -1,7 +1,7 @@
 //! A simulation, and the memory for what a page reads.
 
 use guidance::{Followed, Present, Push};
-use mpm::{CoarseParticles, Force, MpmError, Solver, Start, Upsampler, Vector};
+use mpm::{CoarseParticles, Force, MpmError, Pull, Solver, Start, Upsampler, Vector};
 use sha2::{Digest, Sha256};
 
 use crate::dimension::D;
@@ -138,8 +138,19 @@ impl Player {
     }
 
     /// Advances by frames. `hand` is empty, or a hand that pushes: its point, its velocity, its radius and the largest
-    /// acceleration [g].
+    /// acceleration [g]; or one that pulls: the number of a rigid body, grip, target, reach and strength.
     pub fn advance(&mut self, frames: usize, hand: &[f64]) -> Result<(), String> {
+        if let Some([body, numbers @ ..]) = hand.first_chunk::<{ 2 * D + 3 }>() {
+            let vector = |first| Vector::from_fn(|axis, _| numbers[first + axis] as f32);
+            let pull = Pull {
+                body: *body as usize,
+                grip: vector(0),
+                target: vector(D),
+                reach: numbers[2 * D] as f32,
+                strength: numbers[2 * D + 1] as f32,
+            };
+            return self.advance_pulled(frames, pull);
+        }
         let push = match hand.first_chunk::<{ 2 * D + 2 }>() {
             None => None,
             Some(hand) => {
@@ -151,6 +162,17 @@ impl Player {
         for _ in 0..frames {
             let force = self.force(push.as_ref())?;
             self.advance_forced(force.as_deref())
+                .map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    fn advance_pulled(&mut self, frames: usize, pull: Pull<D>) -> Result<(), String> {
+        for _ in 0..frames {
+            let force = self.force(None)?;
+            let pulled = self.solver.pull(pull);
+            pulled
+                .and_then(|()| self.advance_forced(force.as_deref()))
                 .map_err(|error| error.to_string())?;
         }
         Ok(())
@@ -322,6 +344,9 @@ impl Player {
             for number in self.read(quantity)? {
                 hash.update(number.to_le_bytes());
             }
+        }
+        for number in self.solver.rigid().flatten() {
+            hash.update(number.to_le_bytes());
         }
         self.bytes = hash.finalize().to_vec();
         Ok(&self.bytes)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from tests.service.conftest import Service, arrays_of, problem
 
-from hybridmpm import Scene, replay
+from hybridmpm import MpmSolver, Scene, replay
 from hybridmpm.client import Client
+from hybridmpm.control import pull
 from hybridmpm.stream_frames import decode
 
 WATER = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.3]}
@@ -126,3 +127,29 @@ def test_a_session_survives_a_restart_with_its_bodies(start: Callable[..., Servi
         assert after.frame == 30
         assert np.array_equal(after.rigid, before.rigid)
         assert json.dumps(again.log()["inputs"][0]["pull"]["grip"]) == "[0.05, 0.0]"
+
+
+def test_a_tab_that_leads_pulls_with_the_bits_of_the_session(service: Service) -> None:
+    path = service.create(SCENE)
+    with service.stream(path, "3") as stream:
+        stream.send(type="play")
+        stream.send(type="lead")
+        begun = stream.text("lead")
+        first = begun["frame"]
+        assert (begun["push"], begun["pull"]) == (None, None)
+        tab = MpmSolver(Scene.parse(SCENE))
+        tab.advance(first)
+        assert tab.digest() == begun["digest"]
+        inputs = [{"frame": first + 2, "pull": PULL}, {"frame": first + 8, "push": None}]
+        stream.send(type="led", upto=first + 10, inputs=inputs)
+        stream.text("led")
+        tab.advance(2)
+        force = {name: PULL[name] for name in ("grip", "reach", "strength")}
+        tab.advance(6, pull(0, PULL["target"], **force))
+        tab.advance(2)
+        stream.send(type="led", upto=first + 11, inputs=[{"frame": first + 10, "pull": PULL | {"body": 7}}])
+        assert "inputs[0].pull.body" in stream.text("problem")["detail"]
+        stream.send(type="unlead", digest=tab.digest())
+        ended = stream.text("unlead")
+        assert (ended["frame"], ended["digest"]) == (first + 10, tab.digest())
+        stream.send(type="pause")
