@@ -8,7 +8,7 @@ import numpy.typing as npt
 from hybridmpm import Scene, SceneError
 from hybridmpm.checking import Finding
 from hybridmpm.mpm import frame_cost
-from hybridmpm.scene import Body, Motion
+from hybridmpm.scene import Body, Motion, RigidBody
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
@@ -20,8 +20,8 @@ _TESTS_PER_PARTICLE_SUBSTEP = 2.5
 """Tests that take as long as a particle in a substep."""
 _SEARCH_SHARE, _SEARCH_CELLS = 1 / 3, 2.0
 """Share of the nodes that a search for the nodes near a moving obstacle tests, and its motion in between."""
-_SPEED_OF_BODIES = 3.0
-"""Speed that a rigid body is expected to reach [m/s]."""
+_COST_OF_A_NODE, _NEAR_CELLS = 3.0, 4.0
+"""Work of a node near a rigid body in a substep, in that of a particle, and how far such nodes reach."""
 _LAYERS = 4
 """Fewest layers of all emitters that a scene of the largest number of particles has room for."""
 _MESH_TESTS = 30
@@ -56,26 +56,23 @@ def _corners(body: Body) -> int:
 
 
 def search_cost(scene: Scene) -> float:
-    """Return the estimated cost of finding the nodes near what moves, in tests as `building_cost`."""
-    moving = [one for one in scene.obstacles if one.motion is not None]
-    tests = sum(_tests(one.shape) for one in (*moving, *scene.rigid))
-    return grid_nodes(scene) * tests * _SEARCH_SHARE
+    """Return the estimated cost of finding the nodes near moving obstacles, in tests as `building_cost`."""
+    moving = sum(_tests(one.shape) for one in scene.obstacles if one.motion is not None)
+    return grid_nodes(scene) * moving * _SEARCH_SHARE
 
 
 def estimated_frame_cost(scene: Scene, particles: int) -> float:
     """Return the estimated cost of a frame, in particles times substeps.
 
-    Particles are tested against all obstacles and rigid bodies. Moving ones are looked for on the grid
-    whenever they have moved by two cells.
+    Particles are tested against all obstacles. Moving ones are looked for on the grid whenever they have
+    moved by two cells. Rigid bodies take what the nodes near them do.
     """
-    substeps = frame_cost(scene).substeps
-    solids = sum(_tests(one.shape) for one in (*scene.obstacles, *scene.rigid))
+    substeps, solids = frame_cost(scene).substeps, sum(_tests(one.shape) for one in scene.obstacles)
     fastest = max((_speed(one.motion) for one in scene.obstacles if one.motion is not None), default=0.0)
-    if scene.rigid:
-        fastest = max(fastest, _SPEED_OF_BODIES)
     searches = 1 + fastest * scene.frame_dt / (_SEARCH_CELLS * scene.dx)
     tests = particles * substeps * solids / 4 + searches * search_cost(scene)
-    return particles * substeps + tests / _TESTS_PER_PARTICLE_SUBSTEP
+    near = sum(float(np.prod(_extent(body) / scene.dx + _NEAR_CELLS)) for body in scene.rigid)
+    return (particles + _COST_OF_A_NODE * near) * substeps + tests / _TESTS_PER_PARTICLE_SUBSTEP
 
 
 def estimated_frame_seconds(scene: Scene) -> float:
@@ -87,6 +84,12 @@ def _speed(motion: Motion) -> float:
     """Return a bound of an obstacle's speed [m/s]."""
     turn = float(np.linalg.norm(motion.angular_velocity or 0.0))
     return float(np.linalg.norm(motion.velocity or 0.0)) + turn * math.sqrt(3.0)
+
+
+def _extent(body: RigidBody) -> npt.NDArray[np.float64]:
+    """Return the sides of the box around a rigid body [m]."""
+    lower, upper = body.bounds
+    return np.asarray(upper - lower)
 
 
 def _tests(shape: str) -> float:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from tests.service.conftest import Service, arrays_of, problem
 
-from hybridmpm import MpmSolver, Scene, replay
+from hybridmpm import MpmSolver, Scene, SceneError, replay
 from hybridmpm.client import Client
 from hybridmpm.control import pull
 from hybridmpm.stream_frames import decode
+from hybridmpm_service.sessions.admission import estimated_frame_cost, within_limits
+from hybridmpm_service.settings import Settings
 
 WATER = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.3]}
 CRATE = {"shape": "box", "lower": [0.3, 0.35], "upper": [0.5, 0.45], "density": 500.0, "rotation": 0.2}
@@ -153,3 +155,14 @@ def test_a_tab_that_leads_pulls_with_the_bits_of_the_session(service: Service) -
         ended = stream.text("unlead")
         assert (ended["frame"], ended["digest"]) == (first + 10, tab.digest())
         stream.send(type="pause")
+
+
+def test_bodies_count_in_the_cost_of_a_frame() -> None:
+    scene = Scene.parse(SCENE)
+    bodies = scene.model_copy(update={"rigid": scene.rigid * 50})
+    costs = [estimated_frame_cost(one, 1000) for one in (scene, bodies)]
+    assert 5 < costs[1] / costs[0] < 20
+    limit = Settings(max_frame_cost=round(0.9 * costs[1]))
+    assert within_limits(scene, limit).rigid == scene.rigid
+    with pytest.raises(SceneError, match="and 100 rigid bodies = "):
+        within_limits(bodies, limit)
