@@ -9,6 +9,7 @@ from PIL import Image
 from playwright.sync_api import expect
 
 from .conftest import LiveService, Open, Visit, collect
+from .test_lead import Messages, attached, play_here, replays
 
 pytestmark = pytest.mark.browser
 
@@ -99,3 +100,23 @@ def test_a_body_is_dragged_by_hand(open_page: Open, service: LiveService) -> Non
     assert "pull" not in {one["type"] for one in sent}
     for one in (session, again["id"]):
         service.end(one)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_tab_that_leads_drags_with_the_bits_of_the_server(
+    open_page: Open, service: LiveService, dim: int
+) -> None:
+    messages = Messages()
+    visit, session = attached(open_page, service, {"scene": _scene(dim)}, messages)
+    play_here(visit)
+    visit.page.keyboard.press("p")
+    crate = service.get(f"/v1/sessions/{session}/particles")["rigid"][0]
+    visit.drag([(crate[0], crate[1]), (0.4, 0.5), (0.4, 0.75)], release=False)
+    assert visit.value("held") == "0"
+    visit.eventually(lambda: service.get(f"/v1/sessions/{session}/particles")["rigid"][0][1] > 0.6)
+    assert visit.value("simulated") == "here"
+    visit.page.mouse.up()
+    visit.press_until("Space", "body.playing === 'false' && body.simulated === 'server'")
+    assert messages.asked() >= messages.answered() != set()
+    assert "pull" in {one["kind"] for one in replays(service, session)["inputs"]}

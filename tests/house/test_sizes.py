@@ -117,9 +117,9 @@ LIMITS = {
     # 215 lines are for polygons and meshes as obstacles, and shapes in files.
     # 200 lines let rigid bodies float, slide, stack and be restored.
     # 130 lines follow sketches in tabs.
-    # 520 lines send rigid bodies to viewers, place them, and pull at them.
+    # 560 lines send rigid bodies to viewers, place them, and pull at them.
     # 180 lines fill closed surfaces.
-    "tests": (("tests/**.py",), 38_320),
+    "tests": (("tests/**.py",), 38_380),
     "tests of the laboratory": (("tests/lab/**.py",), 2_060),
 }
 """Patterns of git, and the most lines of the files that they match."""
