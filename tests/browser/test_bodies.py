@@ -1,6 +1,7 @@
 """Rigid bodies on the page: they are drawn where they are, and dragged by hand."""
 
 import io
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,8 @@ def test_a_body_is_dragged_by_hand(open_page: Open, service: LiveService) -> Non
     pulls = [one for one in sent if one["type"] == "pull"]
     assert pulls[0]["grip"] == pytest.approx([-0.05, 0.0], abs=0.01)
     assert pulls[-1]["target"] == pytest.approx([0.4, 0.75], abs=0.01)
+    # A hand that rests sends nothing.
+    assert all(a["target"] != b["target"] for a, b in pairwise(pulls))
     # The weight of a square of water with three tenths of the side between the walls.
     assert [one["strength"] for one in pulls] == pytest.approx([1000 * 0.24**2 * 9.81] * len(pulls))
     log = service.get(f"/v1/sessions/{session}/log")

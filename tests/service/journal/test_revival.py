@@ -18,7 +18,7 @@ from hybridmpm.errors import ConfigError
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import SessionNotFoundError, StorageError, UnavailableError
 from hybridmpm_service.sessions import journal, session_file
-from hybridmpm_service.sessions.inputs import Hand, PushInput
+from hybridmpm_service.sessions.inputs import hand_input
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import Session
@@ -242,7 +242,7 @@ async def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> No
     async with _service(tmp_path / "live") as manager:
         session = await manager.create(SOURCE)
         await session.advance(5)
-        made = PushInput(frame=5, push=Hand.of(push((0.5, 0.4), (1.0, 0.0), 0.1)))
+        made = hand_input(5, push((0.5, 0.4), (1.0, 0.0), 0.1))
         # The process is killed after the input was written, and before its frame.
         session.simulation.journal.add(made)
         _killed(tmp_path / "live", tmp_path / "killed")

@@ -11,7 +11,6 @@ from hybridmpm import MpmSolver
 from hybridmpm.control import Arrow, Ellipse, Push
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import (
-    Hand,
     Input,
     LimitedSettings,
     Origin,
@@ -19,6 +18,7 @@ from hybridmpm_service.sessions.inputs import (
     ReleaseInput,
     SketchInput,
     SketchRecord,
+    hand_input,
 )
 from hybridmpm_service.sessions.session_file import Checkpoint, SessionFile
 from hybridmpm_service.sessions.solvers import ChosenSolver
@@ -41,7 +41,7 @@ INPUTS: tuple[Input, ...] = (
         )
         for number, sketch in enumerate(SKETCHES, start=1)
     ),
-    PushInput(frame=6, push=Hand.of(HAND)),
+    hand_input(6, HAND),
     PushInput(frame=7, push=None),
     ReleaseInput(frame=9),
 )

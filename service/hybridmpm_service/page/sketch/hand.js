@@ -26,6 +26,7 @@ export class Hand {
   point = null; // where the hand is; null while it is not held
   held = null; // {body, grip} of the rigid body that it holds; null where it pushes
   rested = -Infinity; // when it was taken away last [ms]; now, while it is held
+  #pulledTo = null; // the latest target of what it holds
   #samples = [];
   #timer = 0;
   #handlers;
@@ -38,7 +39,7 @@ export class Hand {
 
   /** @param held {body, grip} of the rigid body under the hand; null where there is none */
   begin(sample, held = null) {
-    this.held = held;
+    [this.held, this.#pulledTo] = [held, null];
     this.#samples = [sample];
     this.point = sample.point;
     this.rested = Infinity;
@@ -68,7 +69,9 @@ export class Hand {
 
   #send() {
     if (this.held !== null) {
-      this.#handlers.pull({ ...this.held, target: this.point, reach: RADIUS });
+      // A pull stays as it is: only another target has to be said.
+      if (this.point !== this.#pulledTo) this.#handlers.pull({ ...this.held, target: this.point, reach: RADIUS });
+      this.#pulledTo = this.point;
       return;
     }
     const velocity = simulated(velocityOf(this.#samples, performance.now() / 1000), this.#handlers.speed());
