@@ -36,6 +36,11 @@ impl Inverse {
 /// A contact ready for sweeps.
 struct Row {
     contact: Contact,
+    /// Of both solids and for each axis: the moment of a unit impulse [m], and the angular velocity that it gives [rad/s].
+    moments: [[Vector3; 3]; 2],
+    spins: [[Vector3; 3]; 2],
+    /// Inverse masses of both, zero of fixed ones [1/kg].
+    mobility: [f64; 2],
     /// Impulse per change of velocity along each axis [kg].
     stiffness: [f64; 3],
     /// Speed at which the solids should part [m/s].
@@ -122,7 +127,15 @@ impl<const D: usize> World<D> {
                     let closing = -(contact.gap + contact.slop) / dt;
                     let key = contact.key();
                     let kept = state.kept.binary_search_by_key(&key, |kept| kept.key);
+                    let of = |side: usize| inverses.get(contact.solids[side]).copied();
+                    let inverse = [0, 1].map(|side| of(side).unwrap_or(Inverse::FIXED));
+                    let moments =
+                        [0, 1].map(|side| contact.axes.map(|axis| contact.arms[side].cross(&axis)));
                     Row {
+                        moments,
+                        spins: [0, 1]
+                            .map(|side: usize| moments[side].map(|m| inverse[side].inertia * m)),
+                        mobility: inverse.map(|inverse| inverse.mass),
                         stiffness: contact
                             .axes
                             .map(|axis| stiffness(contact, &axis, &inverses)),
@@ -136,7 +149,7 @@ impl<const D: usize> World<D> {
                     }
                 })
                 .collect();
-            sweep_all::<D>(&mut rows, &mut velocities, &inverses);
+            sweep_all::<D>(&mut rows, &mut velocities);
             let work: f64 = rows
                 .iter()
                 .map(|row| total(row).dot(&row.contact.surface))
@@ -208,16 +221,18 @@ impl<const D: usize> World<D> {
 }
 
 /// Sweeps over all contacts until little changes, from the impulses of the step before.
-fn sweep_all<const D: usize>(rows: &mut [Row], velocities: &mut Velocities, inverses: &[Inverse]) {
-    for row in &*rows {
-        velocities.push(&row.contact, inverses, &total(row));
-    }
+fn sweep_all<const D: usize>(rows: &mut [Row], velocities: &mut Velocities) {
     let across = if D == 2 { 2 } else { 3 };
+    for row in &*rows {
+        for k in 0..across {
+            row.push(velocities, k, row.impulse[k]);
+        }
+    }
     for _ in 0..MOST_SWEEPS {
         let (mut change, mut largest) = (0.0f64, 0.0f64);
         for row in &mut *rows {
             let before = row.impulse;
-            row.sweep(velocities, inverses, across);
+            row.sweep(velocities, across);
             for k in 0..3 {
                 change = change.max((row.impulse[k] - before[k]).abs());
                 largest = largest.max(row.impulse[k].abs());
@@ -253,30 +268,49 @@ fn total(row: &Row) -> Vector3 {
 }
 
 impl Row {
+    /// Speed of the second solid along an axis as seen from the first [m/s].
+    #[inline(always)]
+    fn speed(&self, velocities: &Velocities, k: usize) -> f64 {
+        let ([a, b], axis) = (self.contact.solids, &self.contact.axes[k]);
+        let first = velocities.v[a].dot(axis) + velocities.w[a].dot(&self.moments[0][k]);
+        let second = if b < velocities.v.len() {
+            velocities.v[b].dot(axis) + velocities.w[b].dot(&self.moments[1][k])
+        } else {
+            self.contact.surface.dot(axis)
+        };
+        second - first
+    }
+
+    /// Gives both solids an impulse along an axis [kg m/s].
+    #[inline(always)]
+    fn push(&self, velocities: &mut Velocities, k: usize, impulse: f64) {
+        let ([a, b], axis) = (self.contact.solids, &self.contact.axes[k]);
+        velocities.v[a] -= axis * (impulse * self.mobility[0]);
+        velocities.w[a] -= self.spins[0][k] * impulse;
+        if b < velocities.v.len() {
+            velocities.v[b] += axis * (impulse * self.mobility[1]);
+            velocities.w[b] += self.spins[1][k] * impulse;
+        }
+    }
+
     /// Takes one contact nearer to its law.
-    fn sweep(&mut self, velocities: &mut Velocities, inverses: &[Inverse], across: usize) {
-        let contact = self.contact;
-        let speed = velocities.relative(&contact).dot(&contact.axes[0]);
-        let wanted = self.impulse[0] + (self.target - speed) * self.stiffness[0];
-        let wanted = wanted.max(0.0);
-        let normal = contact.axes[0] * (wanted - self.impulse[0]);
+    fn sweep(&mut self, velocities: &mut Velocities, across: usize) {
+        let missing = self.target - self.speed(velocities, 0);
+        let wanted = (self.impulse[0] + missing * self.stiffness[0]).max(0.0);
+        self.push(velocities, 0, wanted - self.impulse[0]);
         self.impulse[0] = wanted;
-        velocities.push(&contact, inverses, &normal);
-        let slip = velocities.relative(&contact);
         let mut next = [0.0; 3];
         let mut size = 0.0;
         for k in 1..across {
-            next[k] = self.impulse[k] - slip.dot(&contact.axes[k]) * self.stiffness[k];
+            next[k] = self.impulse[k] - self.speed(velocities, k) * self.stiffness[k];
             size += next[k] * next[k];
         }
-        let (size, most) = (size.sqrt(), contact.friction * wanted);
+        let (size, most) = (size.sqrt(), self.contact.friction * wanted);
         let factor = if size > most { most / size } else { 1.0 };
-        let mut change = Vector3::zeros();
         for k in 1..across {
             let kept = next[k] * factor;
-            change += contact.axes[k] * (kept - self.impulse[k]);
+            self.push(velocities, k, kept - self.impulse[k]);
             self.impulse[k] = kept;
         }
-        velocities.push(&contact, inverses, &change);
     }
 }
