@@ -121,11 +121,6 @@ impl<const D: usize> SolverSettings<D> {
             let allowed = "at most 200 bodies";
             return Err(MpmError::parameter("rigid", allowed, self.rigid.len()));
         }
-        let is_surface = |obstacle: &Obstacle<D>| matches!(obstacle.shape, Shape::Surface(_));
-        if !self.rigid.is_empty() && self.obstacles.iter().any(is_surface) {
-            let allowed = "without polygons and meshes where there are rigid bodies";
-            return Err(MpmError::parameter("obstacles", allowed, "some"));
-        }
         let mut bodies = self.rigid.iter().enumerate();
         bodies.try_for_each(|(number, body)| body.check(number, &self.walls))?;
         let openings = &self.openings;

@@ -56,16 +56,16 @@ impl<const D: usize> World<D> {
         let mut contacts = Vec::new();
         let mut found = Vec::new();
         let count = self.bodies.len();
+        let moving = state.bodies.iter().zip(&self.reaches);
+        let speeds: Vec<f64> = moving
+            .map(|(moving, reach)| moving.v.norm() + moving.w.norm() * reach + 1.0e-3)
+            .collect();
         for first in 0..count {
             let (body, moving) = (&self.bodies[first], &state.bodies[first]);
-            let speed = |number: usize| {
-                let (moving, reach) = (&state.bodies[number], self.reaches[number]);
-                moving.v.norm() + moving.w.norm() * reach + 1.0e-3
-            };
             for second in first + 1..count {
                 let other = &state.bodies[second];
                 let slop = SLOP * self.sizes[first].min(self.sizes[second]);
-                let near = 2.0 * dt * (speed(first) + speed(second)) + 2.0 * slop;
+                let near = 2.0 * dt * (speeds[first] + speeds[second]) + 2.0 * slop;
                 let apart = self.reaches[first] + self.reaches[second] + near;
                 if (other.placed.x - moving.placed.x).norm_squared() > apart * apart {
                     continue;
@@ -73,14 +73,12 @@ impl<const D: usize> World<D> {
                 let theirs = &self.bodies[second];
                 found.clear();
                 let relative = moving.placed.relative(&other.placed);
-                let normal =
-                    touches::<D>([&body.solid, &theirs.solid], &relative, near, &mut found);
-                let axes = axes::<D>(&(moving.placed.turn * normal));
+                touches::<D>([&body.solid, &theirs.solid], &relative, near, &mut found);
                 contacts.extend(found.iter().map(|touch: &Touch| {
                     let middle = moving.placed.apply(&((touch.on[0] + touch.on[1]) * 0.5));
                     Contact {
                         solids: [first, second],
-                        axes,
+                        axes: axes::<D>(&(moving.placed.turn * touch.normal)),
                         arms: [middle - moving.placed.x, middle - other.placed.x],
                         gap: touch.gap,
                         slop,
@@ -95,21 +93,20 @@ impl<const D: usize> World<D> {
                 let slop = SLOP * self.sizes[first];
                 let distance = (moving.placed.x - fixed.placed.x).norm();
                 let toward = fixed.v.norm() + fixed.w.norm() * (distance + self.reaches[first]);
-                let near = 2.0 * dt * (speed(first) + toward) + 2.0 * slop;
+                let near = 2.0 * dt * (speeds[first] + toward) + 2.0 * slop;
                 let apart = self.reaches[first] + solid.reach + near;
                 if distance > apart {
                     continue;
                 }
                 found.clear();
                 let relative = fixed.placed.relative(&moving.placed);
-                let normal = touches::<D>([&solid.solid, &body.solid], &relative, near, &mut found);
-                // The body comes first.
-                let axes = axes::<D>(&-(fixed.placed.turn * normal));
+                touches::<D>([&solid.solid, &body.solid], &relative, near, &mut found);
                 contacts.extend(found.iter().map(|touch| {
                     let middle = fixed.placed.apply(&((touch.on[0] + touch.on[1]) * 0.5));
                     Contact {
                         solids: [first, count + number],
-                        axes,
+                        // The body comes first.
+                        axes: axes::<D>(&-(fixed.placed.turn * touch.normal)),
                         arms: [middle - moving.placed.x, Vector3::zeros()],
                         gap: touch.gap,
                         slop,

@@ -29,6 +29,17 @@ pub enum Geometry {
     },
     /// A convex polygon or polyhedron.
     Hull(Hull),
+    /// What a closed surface encloses; it does not move by itself.
+    Surface(Facets),
+}
+
+/// The facets of a closed surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Facets {
+    pub points: Vec<Vector3>,
+    /// In the plane segments, given by two points and the second once more, with the solid on their left; in space triangles that are
+    /// seen anticlockwise from outside.
+    pub facets: Vec<[u32; 3]>,
 }
 
 impl Geometry {
@@ -54,7 +65,9 @@ impl Geometry {
             } => radius.hypot(*half_length),
             Self::Capsule { start, end, radius } => start.norm().max(end.norm()) + radius,
             Self::HalfSpace { .. } => f64::INFINITY,
-            Self::Hull(hull) => hull.points.iter().map(Vector3::norm).fold(0.0, f64::max),
+            Self::Hull(Hull { points, .. }) | Self::Surface(Facets { points, .. }) => {
+                points.iter().map(Vector3::norm).fold(0.0, f64::max)
+            }
         }
     }
 
@@ -67,7 +80,7 @@ impl Geometry {
                 radius,
                 half_length,
             } => 2.0 * radius.min(*half_length),
-            Self::HalfSpace { .. } => f64::INFINITY,
+            Self::HalfSpace { .. } | Self::Surface(_) => f64::INFINITY,
             Self::Hull(hull) => hull.size(),
         }
     }
@@ -120,7 +133,7 @@ impl Geometry {
                 (area, about_z(moments[(2, 2)]))
             }
             (Self::Hull(hull), _) => hull.moments(),
-            (Self::Capsule { .. } | Self::HalfSpace { .. }, _) => {
+            (Self::Capsule { .. } | Self::HalfSpace { .. } | Self::Surface(_), _) => {
                 (f64::INFINITY, about_z(f64::INFINITY))
             }
         }

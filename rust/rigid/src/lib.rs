@@ -15,7 +15,7 @@ mod state;
 mod world;
 
 pub use body::{Body, Mass};
-pub use geometry::Geometry;
+pub use geometry::{Facets, Geometry};
 pub use hull::{Hull, HullError, polygon, polyhedron};
 pub use pose::{Matrix3, Placed, Rotation, Vector3, across, turn_of_matrix, turn_of_y, turned};
 pub use state::{Kept, Moving, Rates, State};

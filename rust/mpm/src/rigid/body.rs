@@ -1,6 +1,6 @@
 //! A rigid body of a scene.
 
-use rigid::{Body, Geometry, Hull, Placed, Rotation, Vector3};
+use rigid::{Body, Facets, Geometry, Hull, Placed, Rotation, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::convert::{double, pose_of, single};
@@ -264,7 +264,13 @@ pub(super) fn solid_of<const D: usize>(shape: &Shape<D>) -> (Geometry, Placed) {
         Shape::HalfSpace { normal, .. } => Geometry::HalfSpace {
             normal: double(normal).normalize(),
         },
-        Shape::Surface(_) => unreachable!("rigid bodies are refused beside them"),
+        Shape::Surface(surface) => {
+            let points = surface.vertices().iter();
+            Geometry::Surface(Facets {
+                points: points.map(|vertex| double(vertex) - middle).collect(),
+                facets: surface.facets().to_vec(),
+            })
+        }
     };
     (geometry, Placed { x: middle, turn })
 }
