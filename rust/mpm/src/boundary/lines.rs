@@ -4,13 +4,13 @@
 //! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
 //! cell, and would let material at rest sink.
 
+use super::buckets::Buckets;
 use super::contact::ContactKind;
 use super::motion::Pose;
-use super::node::{DEEP_CELLS, MaterialFriction};
+use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
-use super::reactions::{Probe, Reactions};
-use super::wall_contact::{Touch, touching};
-use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, NodePlace, SMALLEST_MASS, Window, spline};
+use super::touch::{Touch, touching};
+use crate::grid::{Layout, SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
 /// Distance from a surface within which a node begins lines across it [cells].
@@ -41,7 +41,24 @@ pub struct Line<const D: usize> {
     pub obstacle: u32,
     normal: Vector<D>,
     /// Where the line crosses the surface [m].
-    x: Vector<D>,
+    pub x: Vector<D>,
+}
+
+/// A line at which material touches a rigid body or is about to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Probe<const D: usize> {
+    pub body: u32,
+    /// Place on the surface [m], and normal there.
+    pub x: Vector<D>,
+    pub normal: Vector<D>,
+    /// Velocity of the material there [m/s].
+    pub u: Vector<D>,
+    /// Mass that follows the surface [kg].
+    pub mass: f32,
+    /// Speed at which the material may come nearer, for it is not yet there [m/s].
+    pub closing: f32,
+    /// Coulomb coefficient of the material [-].
+    pub friction: f32,
 }
 
 /// Solids as they are now.
@@ -52,6 +69,8 @@ pub struct Solids<'a, const D: usize> {
     pub reaches: &'a [f32],
     /// Empty where all are at rest.
     pub poses: &'a [Option<Pose<D>>],
+    /// Where rigid bodies are looked for; None without any.
+    pub buckets: Option<&'a Buckets<D>>,
     pub layout: &'a Layout<D>,
     /// Duration of the substep [s].
     pub dt: f32,
@@ -62,6 +81,14 @@ pub struct Solids<'a, const D: usize> {
 impl<'a, const D: usize> Solids<'a, D> {
     pub fn pose(&self, index: usize) -> Option<&'a Pose<D>> {
         self.poses.get(index)?.as_ref()
+    }
+
+    /// The numbers of all solids but rigid bodies, then of the rigid bodies that may be near to a point.
+    #[inline(always)]
+    pub fn near(&self, x: &Vector<D>) -> impl Iterator<Item = usize> + use<'a, D> {
+        let first = self.list.len() - self.reaches.len();
+        let bodies = self.buckets.map_or(&[][..], |buckets| buckets.at(x));
+        (0..first).chain(bodies.iter().map(|body| *body as usize))
     }
 
     /// Whether a point may lie inside of a solid: false for those far from a rigid body.
@@ -200,7 +227,7 @@ impl<'a, const D: usize> Solids<'a, D> {
         inside: &Vector<D>,
     ) -> bool {
         let dx = self.layout.dx();
-        (0..self.list.len())
+        self.near(outside)
             .filter(|other| *other != index && self.may_contain(*other, outside))
             .any(|other| {
                 let (distance, upward) = self.distance(other, outside);
@@ -329,99 +356,5 @@ impl<const D: usize> Line<D> {
             }
         }
         Some((impulse, f64::from(impulse.dot(&surface))))
-    }
-}
-
-/// Nodes on which lines act: those of the grid, and of bodies that meet.
-pub struct LineWindow<'a, 'w, 'f, const D: usize> {
-    pub window: &'a mut Window<'w, D>,
-    pub fields: &'a mut Option<FieldWindow<'f, D>>,
-    pub kinds: FieldMap<'a>,
-    pub friction: &'a MaterialFriction,
-    pub reactions: &'a mut Reactions<D>,
-}
-
-impl<const D: usize> LineWindow<'_, '_, '_, D> {
-    /// Lets an obstacle act on a line, on each body that it crosses, or looks for what it is about to meet. Returns the work
-    /// that it does [J].
-    pub fn act(&mut self, line: &Line<D>, solids: &Solids<'_, D>, probes: bool) -> f64 {
-        let nodes = line.nodes();
-        let chunks = nodes.map(|node| node / CHUNK);
-        let Some(fields) = self.fields else {
-            return self.act_on_grid(line, solids, probes);
-        };
-        let map = fields.map();
-        if map.is_one(chunks) {
-            return self.act_on_grid(line, solids, probes);
-        }
-        let mut work = 0.0;
-        for (k, chunk) in chunks.into_iter().enumerate() {
-            for field in map.fields_of(chunk) {
-                let met = |chunk: &usize| map.fields_of(*chunk).any(|other| other == field);
-                if !chunks[..k].iter().any(met) {
-                    let places = nodes.map(|node| map.place(node, field));
-                    let elastic = map.is_elastic(field);
-                    work += self.act_on(line, solids, places, elastic, probes);
-                }
-            }
-        }
-        work
-    }
-
-    fn act_on_grid(&mut self, line: &Line<D>, solids: &Solids<'_, D>, probes: bool) -> f64 {
-        if self.window.nodes[line.middle - self.window.first].as_array()[3] <= SMALLEST_MASS {
-            return 0.0;
-        }
-        let elastic = self.kinds.only_elastic(line.middle / CHUNK);
-        self.act_on(line, solids, [NodePlace::Grid; 3], elastic, probes)
-    }
-
-    #[inline(always)]
-    fn act_on(
-        &mut self,
-        line: &Line<D>,
-        solids: &Solids<'_, D>,
-        places: [NodePlace; 3],
-        elastic: bool,
-        probes: bool,
-    ) -> f64 {
-        let Self {
-            window,
-            fields,
-            friction,
-            reactions,
-            ..
-        } = self;
-        let numbers = line.nodes().map(|node| node.wrapping_sub(window.first));
-        let mut nodes: [[f32; 4]; 3] = std::array::from_fn(|k| match (places[k], &*fields) {
-            (NodePlace::Grid, _) => window.nodes[numbers[k]].to_array(),
-            (NodePlace::Slot(node), Some(fields)) => fields.nodes[node - fields.first].to_array(),
-            _ => [0.0; 4],
-        });
-        let friction = |mass: f32| match (places[1], &*fields) {
-            (NodePlace::Slot(node), Some(fields)) => {
-                friction.at(fields.friction_mass, node - fields.first, mass)
-            }
-            _ => friction.at(window.friction_mass, numbers[1], mass),
-        };
-        if probes {
-            let probe = line.probe(&nodes, elastic, solids, friction);
-            reactions.probes.extend(probe);
-            return 0.0;
-        }
-        let Some((impulse, work)) = line.act(&mut nodes, elastic, solids, friction) else {
-            return 0.0;
-        };
-        reactions.push(line.obstacle as usize, &line.x, &impulse);
-        for k in 0..3 {
-            match (places[k], &mut *fields) {
-                (NodePlace::Grid, _) => window.nodes[numbers[k]] = nodes[k].into(),
-                (NodePlace::Slot(node), Some(fields)) => {
-                    fields.nodes[node - fields.first] = nodes[k].into();
-                }
-                _ => {}
-            }
-        }
-        work
     }
 }

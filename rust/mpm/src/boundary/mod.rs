@@ -1,8 +1,10 @@
 //! Walls and obstacles: their shapes, their motion, and their effect on velocities and particles.
 
 mod bounds;
+mod buckets;
 mod contact;
 mod lattice;
+mod line_window;
 mod lines;
 mod motion;
 mod moving;
@@ -13,16 +15,18 @@ mod outline;
 mod reactions;
 mod shape;
 mod surface;
+mod touch;
 mod wall_contact;
 mod wall_fill;
 
 pub use bounds::Bounds;
 pub use contact::{Contact, ContactKind, Walls, remaining_slip};
+pub use lines::Probe;
 pub use motion::{Motion, Pose, Swing};
 pub use node::MaterialFriction;
 pub use obstacle::{Obstacle, Placed};
 pub use obstacles::Obstacles;
-pub use reactions::{Probe, Reactions, Wrench};
+pub use reactions::{Reactions, Wrench};
 pub use shape::Shape;
 pub use surface::Surface;
 pub use wall_contact::{Lines, WallContact};

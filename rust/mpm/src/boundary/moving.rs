@@ -1,5 +1,6 @@
 //! Where moving obstacles are, and which grid nodes they can touch for a while.
 
+use super::buckets::{BUCKET_MARGIN_CELLS, Buckets};
 use super::lines::LINE_CELLS;
 use super::motion::Pose;
 use super::node::{BAND_CELLS, ByRow, Nearness, reach_until_sort, stencil_reach};
@@ -32,6 +33,7 @@ pub struct MovingObstacles<const D: usize> {
     /// the nodes were looked for.
     pub reaches: Vec<f32>,
     searched_poses: Vec<Pose<D>>,
+    pub buckets: Buckets<D>,
     /// Bound on the speed of solids in prescribed motion, and of all [m/s].
     scripted_speed: f32,
     pub speed: f32,
@@ -47,8 +49,14 @@ pub struct MovingObstacles<const D: usize> {
 }
 
 impl<const D: usize> MovingObstacles<D> {
-    pub fn new(obstacle_count: usize, reaches: Vec<f32>, near_solid: Vec<Nearness>) -> Self {
+    pub fn new(
+        obstacle_count: usize,
+        reaches: Vec<f32>,
+        near_solid: Vec<Nearness>,
+        layout: &Layout<D>,
+    ) -> Self {
         Self {
+            buckets: Buckets::new(layout),
             poses: vec![None; obstacle_count],
             reaches,
             searched_poses: Vec::new(),
@@ -100,11 +108,24 @@ impl<const D: usize> MovingObstacles<D> {
             .map_or(0.0, |searched| (time - searched).abs());
         let moved = ((since * fastest) as f32).max(self.bodies_moved());
         self.moved = moved + ROUNDING_CELLS * layout.dx();
+        self.fill_buckets(layout.dx());
         let of_bodies = self.body_poses().zip(&self.reaches);
         self.speed = of_bodies
             .map(|(pose, reach)| pose.speed(*reach))
             .fold(self.speed, f32::max);
         searches
+    }
+
+    fn fill_buckets(&mut self, dx: f32) {
+        self.buckets.clear();
+        let first = self.poses.len() - self.reaches.len();
+        for (number, reach) in self.reaches.iter().enumerate() {
+            if let Some(pose) = &self.poses[first + number] {
+                let radius = reach + BUCKET_MARGIN_CELLS * dx;
+                let body = (first + number) as u32;
+                self.buckets.add(body, &pose.center(), radius);
+            }
+        }
     }
 
     /// Where rigid bodies are.

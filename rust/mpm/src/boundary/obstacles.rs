@@ -1,7 +1,8 @@
 //! All solids of a scene: contact on grid nodes, and particles kept outside.
 
 use super::contact::Walls;
-use super::lines::{LINE_CELLS, Line, LineWindow, Solids};
+use super::line_window::LineWindow;
+use super::lines::{LINE_CELLS, Line, Solids};
 use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
 use super::node::{
@@ -93,6 +94,7 @@ impl<const D: usize> Obstacles<D> {
                 prepared.list.len(),
                 reaches.collect(),
                 prepared.near.clone(),
+                layout,
             ));
             prepared.place_bodies(bodies.iter().map(|(_, pose)| *pose));
             prepared.move_to(0.0, 0.0);
@@ -126,6 +128,7 @@ impl<const D: usize> Obstacles<D> {
             list: &self.list[..self.first_body],
             reaches: &[],
             poses: &[],
+            buckets: None,
             layout: &layout,
             dt: self.dt,
             elastic: true,
@@ -248,7 +251,15 @@ impl<const D: usize> Obstacles<D> {
                 work += self.apply_to_deep(target, start, span, friction, reactions);
             }
         }
-        let moving = self.moving_lines(window, fields.as_ref(), kinds, window.planes.clone(), 1..D);
+        let planes = window.planes.clone();
+        let moving = if self.has_bodies() {
+            reactions.lines.each_mut().map(std::mem::take)
+        } else {
+            let mut found = std::array::from_fn(|_| Vec::new());
+            let all = |_| 1..D;
+            self.find_lines(window, fields.as_ref(), kinds, planes, all, &mut found);
+            found
+        };
         let mut lines = LineWindow {
             window,
             fields,
@@ -260,6 +271,9 @@ impl<const D: usize> Obstacles<D> {
             let planes = lines.window.planes.clone();
             work += self.act_on_lines(&mut lines, self.lines_of(axis, planes));
             work += self.act_on_lines(&mut lines, moving[axis].iter());
+        }
+        if self.has_bodies() {
+            reactions.lines = moving;
         }
         work
     }
@@ -274,7 +288,13 @@ impl<const D: usize> Obstacles<D> {
         planes: Range<usize>,
         reactions: &mut Reactions<D>,
     ) -> f64 {
-        let moving = self.moving_lines(window, fields.as_ref(), kinds, planes.clone(), 0..1);
+        let mut moving = std::array::from_fn(|_| Vec::new());
+        if self.has_bodies() {
+            moving[0] = std::mem::take(&mut reactions.lines[0]);
+        } else {
+            let (planes, first) = (planes.clone(), |_| 0..1);
+            self.find_lines(window, fields.as_ref(), kinds, planes, first, &mut moving);
+        }
         let mut lines = LineWindow {
             window,
             fields,
@@ -282,8 +302,12 @@ impl<const D: usize> Obstacles<D> {
             friction,
             reactions,
         };
-        self.act_on_lines(&mut lines, self.lines_of(0, planes))
-            + self.act_on_lines(&mut lines, moving[0].iter())
+        let work = self.act_on_lines(&mut lines, self.lines_of(0, planes))
+            + self.act_on_lines(&mut lines, moving[0].iter());
+        if self.has_bodies() {
+            reactions.lines[0] = std::mem::take(&mut moving[0]);
+        }
+        work
     }
 
     /// The lines across obstacles at rest that lie along an axis and begin in some planes.
@@ -295,18 +319,19 @@ impl<const D: usize> Obstacles<D> {
         self.lines[axis][place(planes.start)..place(planes.end)].iter()
     }
 
-    /// The lines across moving obstacles, axis by axis, that begin in some planes at a node with mass.
-    fn moving_lines(
+    /// Adds the lines across moving obstacles that begin in some planes at a node with mass: those along the axes that are asked for
+    /// in a plane.
+    fn find_lines(
         &self,
         window: &Window<'_, D>,
         fields: Option<&FieldWindow<'_, D>>,
         kinds: FieldMap<'_>,
         planes: Range<usize>,
-        axes: Range<usize>,
-    ) -> [Vec<Line<D>>; D] {
-        let mut found = std::array::from_fn(|_| Vec::new());
+        axes: impl Fn(usize) -> Range<usize>,
+        found: &mut [Vec<Line<D>>; D],
+    ) {
         let Some(moving) = &self.moving else {
-            return found;
+            return;
         };
         let solids = self.solids(kinds.any_elastic());
         let shared = |chunk: usize| fields.is_some_and(|fields| fields.map().is_shared(chunk));
@@ -332,14 +357,13 @@ impl<const D: usize> Obstacles<D> {
                 let x = self.layout.position(place);
                 let at = self.list[index].distance_in(solids.pose(index), &x);
                 if at.0 > lowest && at.0 <= LINE_CELLS * dx {
-                    for axis in axes.clone() {
+                    for axis in axes(place[0]) {
                         let line = |up: f32| solids.line(index, (place, memory), at, axis, up);
                         found[axis].extend([1.0, -1.0].into_iter().filter_map(line));
                     }
                 }
             }
         }
-        found
     }
 
     fn act_on_lines<'l>(
@@ -360,17 +384,25 @@ impl<const D: usize> Obstacles<D> {
             .sum()
     }
 
-    /// Finds what rigid bodies are about to meet on lines that begin in some of the planes.
+    /// Finds what rigid bodies are about to meet, on lines along the first axis that begin in the planes `across`, and on others that
+    /// begin in the planes `within`. The lines are kept, for masses and places stay until these act.
     pub fn probe(
         &self,
         window: &mut Window<'_, D>,
         fields: &mut Option<FieldWindow<'_, D>>,
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
-        planes: Range<usize>,
+        [across, within]: [Range<usize>; 2],
         reactions: &mut Reactions<D>,
     ) {
-        let moving = self.moving_lines(window, fields.as_ref(), kinds, planes, 0..D);
+        let mut moving = reactions.lines.each_mut().map(std::mem::take);
+        moving.iter_mut().for_each(Vec::clear);
+        let planes = across.start.min(within.start)..across.end.max(within.end);
+        let axes = |plane: usize| {
+            let first = usize::from(!across.contains(&plane));
+            first..if within.contains(&plane) { D } else { 1 }
+        };
+        self.find_lines(window, fields.as_ref(), kinds, planes, axes, &mut moving);
         let solids = self.solids(true);
         let mut lines = LineWindow {
             window,
@@ -386,6 +418,11 @@ impl<const D: usize> Obstacles<D> {
         for line in bodies {
             lines.act(line, &solids, true);
         }
+        reactions.lines = moving;
+    }
+
+    fn has_bodies(&self) -> bool {
+        self.first_body < self.list.len()
     }
 
     /// Whether this is a rigid body, whose work is no gain of the scene.
@@ -399,6 +436,7 @@ impl<const D: usize> Obstacles<D> {
             list: &self.list,
             reaches: (self.moving.as_ref()).map_or(&[], |moving| &moving.reaches),
             poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
+            buckets: self.moving.as_ref().map(|moving| &moving.buckets),
             layout: &self.layout,
             dt: self.dt,
             elastic,
@@ -504,10 +542,10 @@ impl<const D: usize> Obstacles<D> {
     /// The part of a node's spline [-] that lies in the nearest obstacle, whose face counts as plane.
     pub fn fill(&self, node: [usize; D]) -> f32 {
         let x = self.layout.position(node);
-        let pose = |index: usize| self.moving.as_ref()?.poses[index].as_ref();
-        let numbered = self.list.iter().enumerate();
-        let distance = numbered
-            .map(|(index, obstacle)| obstacle.distance_in(pose(index), &x).0)
+        let solids = self.solids(true);
+        let distance = solids
+            .near(&x)
+            .map(|index| self.list[index].distance_in(solids.pose(index), &x).0)
             .fold(f32::INFINITY, f32::min);
         cumulative(f64::from(-distance / self.layout.dx())) as f32
     }
@@ -515,7 +553,7 @@ impl<const D: usize> Obstacles<D> {
     /// Whether a point lies inside of one, as they are now.
     pub fn contains(&self, x: &Vector<D>) -> bool {
         let solids = self.solids(true);
-        (0..self.list.len()).any(|index| {
+        solids.near(x).any(|index| {
             let pose = solids.pose(index);
             solids.may_contain(index, x) && self.list[index].depth_in(pose, x).is_some()
         })
@@ -533,7 +571,9 @@ impl<const D: usize> Obstacles<D> {
     ) -> (f64, f32) {
         let (mut work, mut moved) = (0.0, 0.0);
         let solids = self.solids(true);
-        for (index, obstacle) in self.list.iter().enumerate() {
+        let start = *x;
+        for index in solids.near(&start) {
+            let obstacle = &self.list[index];
             if !solids.may_contain(index, x) {
                 continue;
             }

@@ -2,6 +2,7 @@
 //!
 //! Each slab of the grid has sums of its own, so that their order does not depend on threads.
 
+use super::lines::{Line, Probe};
 use crate::linalg::Vector;
 
 /// An impulse and its moment about the origin.
@@ -40,25 +41,8 @@ impl<const D: usize> Wrench<D> {
     }
 }
 
-/// A line at which material touches a rigid body or is about to.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Probe<const D: usize> {
-    pub body: u32,
-    /// Place on the surface [m], and normal there.
-    pub x: Vector<D>,
-    pub normal: Vector<D>,
-    /// Velocity of the material there [m/s].
-    pub u: Vector<D>,
-    /// Mass that follows the surface [kg].
-    pub mass: f32,
-    /// Speed at which the material may come nearer, for it is not yet there [m/s].
-    pub closing: f32,
-    /// Coulomb coefficient of the material [-].
-    pub friction: f32,
-}
-
 /// The impulses that walls and obstacles give to the material; those on them are opposite.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Reactions<const D: usize> {
     /// Of the lower and the upper wall across each axis.
     pub walls: [[Wrench<D>; 2]; D],
@@ -67,6 +51,8 @@ pub struct Reactions<const D: usize> {
     pub bodies: Vec<Wrench<D>>,
     /// Where material touches rigid bodies.
     pub probes: Vec<Probe<D>>,
+    /// The lines across moving solids, by the axis along which they lie, that a substep with rigid bodies found for the probes.
+    pub(super) lines: [Vec<Line<D>>; D],
     /// Else nothing is added, but of rigid bodies.
     pub kept: bool,
 }
@@ -79,6 +65,7 @@ impl<const D: usize> Reactions<D> {
             obstacles: vec![Wrench::NONE; obstacles],
             bodies: vec![Wrench::NONE; bodies],
             probes: Vec::new(),
+            lines: std::array::from_fn(|_| Vec::new()),
             kept: true,
         }
     }

@@ -15,96 +15,11 @@
 use super::contact::{Contact, ContactKind, Walls, remaining_slip};
 use super::node::MaterialFriction;
 use super::reactions::{Reactions, Wrench};
-use super::wall_fill::cumulative;
+use super::touch::{Touch, touching};
 use crate::grid::{
     ActiveSpans, CHUNK, Fields, Layout, PADDING, SMALLEST_MASS, Span, Window, spline,
 };
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
-
-/// Distance from a surface at which contact begins [cells], of what flows. It must include material at rest on a wall, whose
-/// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
-/// fine one.
-const REACH: f64 = 0.45;
-/// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll.
-const ELASTIC_REACH: f64 = 0.07;
-/// Distance up to which they may come nearer within a substep [cells]. If each line held what comes within reach, a round body
-/// would climb each line that it rolls onto. Faces are rough by as much, because particles are points.
-const ELASTIC_REST: f64 = -0.06;
-/// What comes nearer by less in a substep rests within reach [cells]: a body that rests does not sink, nor slip meanwhile.
-const RESTING_BELOW: f64 = 3.0e-5;
-/// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
-const HELD_REACH: f64 = 0.9;
-
-/// Where material touches a surface, from the mass of the middle node of a line over that of the inner one [-].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Touch {
-    /// Where it begins to touch.
-    from: f32,
-    /// Where it is at rest.
-    rest: f32,
-    /// Distance for each unit that it lacks of `rest` [m]; 0 where it is at rest at once.
-    distance: f32,
-    /// What comes nearer by less in a substep rests where it is [m].
-    resting_below: f32,
-}
-
-impl Touch {
-    /// Whether material with these masses of the middle and the inner node touches.
-    #[inline(always)]
-    pub fn touches(&self, middle: f32, inner: f32) -> bool {
-        middle >= self.from * inner
-    }
-
-    /// Speed at which material that touches may come nearer in a substep of `dt` [s], with the masses of the middle and the
-    /// inner node [m/s].
-    #[inline(always)]
-    pub fn closing(&self, middle: f32, inner: f32, dt: f32) -> f32 {
-        let inner = inner.max(SMALLEST_MASS);
-        (self.rest * inner - middle).max(0.0) * self.distance / (inner * dt)
-    }
-
-    /// Speed towards the surface up to which material rests where it is [m/s].
-    #[inline(always)]
-    pub fn resting_speed(&self, dt: f32) -> f32 {
-        self.resting_below / dt
-    }
-}
-
-/// Where it touches what flows, and what is elastic. The surface lies at `face` [cells] from the middle node towards the inner
-/// one, and its normal has this part along the line; `dx` is the size of a cell [m]. Where no body is `elastic` the second is
-/// the first.
-pub(super) fn touching(
-    face: f64,
-    normal: f64,
-    kind: ContactKind,
-    dx: f64,
-    elastic: bool,
-) -> [Touch; 2] {
-    let ratio = |reach: f64| {
-        let face = face + reach / normal;
-        (cumulative(-face) / cumulative(1.0 - face)) as f32
-    };
-    let held_from = |reach: f64| Touch {
-        from: ratio(reach),
-        rest: 0.0,
-        distance: 0.0,
-        resting_below: 0.0,
-    };
-    if kind != ContactKind::Separating {
-        return [held_from(HELD_REACH); 2];
-    }
-    if !elastic {
-        return [held_from(REACH); 2];
-    }
-    let (from, rest) = (ratio(ELASTIC_REACH), ratio(ELASTIC_REST));
-    let elastic = Touch {
-        from,
-        rest,
-        distance: ((ELASTIC_REACH - ELASTIC_REST) * dx) as f32 / (rest - from),
-        resting_below: (RESTING_BELOW * dx) as f32,
-    };
-    [held_from(REACH), elastic]
-}
 
 /// Which lines across walls to change.
 #[derive(Debug, Clone, Copy)]

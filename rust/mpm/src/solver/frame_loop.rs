@@ -92,10 +92,8 @@ impl<const D: usize> Solver<D> {
             &settings.walls,
             &grid.layout,
         );
-        let no_reactions = Reactions {
-            kept: false,
-            ..Reactions::none(settings.obstacles.len(), settings.rigid.len())
-        };
+        let mut no_reactions = Reactions::none(settings.obstacles.len(), settings.rigid.len());
+        no_reactions.kept = false;
         let bodies = Bodies::new(
             &settings.rigid,
             &settings.walls,

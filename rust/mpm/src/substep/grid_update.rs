@@ -42,13 +42,13 @@ pub fn accelerate_nodes<const D: usize>(
     }
 }
 
-/// Finds what rigid bodies are about to meet on lines that begin in some planes of the window.
+/// Finds what rigid bodies are about to meet on lines that begin in some planes of the window: along the first axis, and others.
 pub fn probe<const D: usize>(
     window: &mut Window<'_, D>,
     mut fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
-    planes: Range<usize>,
+    planes: [Range<usize>; 2],
     reactions: &mut Reactions<D>,
 ) {
     let friction = &forces.material_friction;

@@ -189,8 +189,9 @@ impl<const D: usize> Substep<'_, D> {
                 }
                 (Stage::Probe, ..) => {
                     let kinds = grid.fields.map();
-                    let planes = planes_across(&bands, slab);
-                    let reach = reach.start..reach.end.max(bands[slab].end);
+                    let band = bands[slab].clone();
+                    let planes = [planes_across(&bands, slab), band.clone()];
+                    let reach = reach.start..reach.end.max(band.end);
                     // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     let window = &mut unsafe { grid.window(reach.clone()) };
                     // SAFETY: as above.
