@@ -3,6 +3,7 @@
 use mpm::{RigidBody, Shape, Vector};
 use numpy::{IntoPyArray, Ix2, PyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::convert::{array, slice_of, vector};
 use crate::error::{NativeError, config_error};
@@ -19,7 +20,9 @@ pub struct PyRigidBody {
     pub inner: AnyRigidBody,
 }
 
-/// What bodies of all shapes have.
+/// What bodies of all shapes have, as keyword arguments.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
 struct Common {
     rotation: Vec<f64>,
     density: f32,
@@ -41,6 +44,11 @@ impl Common {
             restitution: self.restitution,
         })
     }
+}
+
+fn common_of(given: Option<Bound<'_, PyDict>>) -> PyResult<Common> {
+    let given = given.ok_or_else(|| config_error("a rigid body needs its density and motion"))?;
+    given.extract()
 }
 
 /// A vector along an axis of rotation from its one number in 2D, or three.
@@ -82,29 +90,9 @@ macro_rules! build {
 #[pymethods]
 impl PyRigidBody {
     #[staticmethod]
-    #[pyo3(signature = (center, radius, *, rotation, density, velocity, angular_velocity, friction, restitution))]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "keyword arguments of a Python constructor"
-    )]
-    fn ball(
-        center: Vec<f64>,
-        radius: f32,
-        rotation: Vec<f64>,
-        density: f32,
-        velocity: Vec<f64>,
-        angular_velocity: Vec<f64>,
-        friction: f32,
-        restitution: f32,
-    ) -> PyResult<Self> {
-        let common = Common {
-            rotation,
-            density,
-            velocity,
-            angular_velocity,
-            friction,
-            restitution,
-        };
+    #[pyo3(signature = (center, radius, **common))]
+    fn ball(center: Vec<f64>, radius: f32, common: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
+        let common = common_of(common)?;
         build!(center.len(), common, D => Shape::Ball {
             center: vector::<D>("center", &center)?,
             radius,
@@ -112,29 +100,9 @@ impl PyRigidBody {
     }
 
     #[staticmethod]
-    #[pyo3(name = "box", signature = (lower, upper, *, rotation, density, velocity, angular_velocity, friction, restitution))]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "keyword arguments of a Python constructor"
-    )]
-    fn box_(
-        lower: Vec<f64>,
-        upper: Vec<f64>,
-        rotation: Vec<f64>,
-        density: f32,
-        velocity: Vec<f64>,
-        angular_velocity: Vec<f64>,
-        friction: f32,
-        restitution: f32,
-    ) -> PyResult<Self> {
-        let common = Common {
-            rotation,
-            density,
-            velocity,
-            angular_velocity,
-            friction,
-            restitution,
-        };
+    #[pyo3(name = "box", signature = (lower, upper, **common))]
+    fn box_(lower: Vec<f64>, upper: Vec<f64>, common: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
+        let common = common_of(common)?;
         build!(lower.len(), common, D => Shape::Box {
             lower: vector::<D>("lower", &lower)?,
             upper: vector::<D>("upper", &upper)?,
@@ -142,30 +110,14 @@ impl PyRigidBody {
     }
 
     #[staticmethod]
-    #[pyo3(signature = (start, end, radius, *, rotation, density, velocity, angular_velocity, friction, restitution))]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "keyword arguments of a Python constructor"
-    )]
+    #[pyo3(signature = (start, end, radius, **common))]
     fn cylinder(
         start: Vec<f64>,
         end: Vec<f64>,
         radius: f32,
-        rotation: Vec<f64>,
-        density: f32,
-        velocity: Vec<f64>,
-        angular_velocity: Vec<f64>,
-        friction: f32,
-        restitution: f32,
+        common: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let common = Common {
-            rotation,
-            density,
-            velocity,
-            angular_velocity,
-            friction,
-            restitution,
-        };
+        let common = common_of(common)?;
         build!(start.len(), common, D => Shape::Cylinder {
             start: vector::<D>("start", &start)?,
             end: vector::<D>("end", &end)?,
@@ -174,24 +126,9 @@ impl PyRigidBody {
     }
 
     #[staticmethod]
-    #[pyo3(signature = (points, *, rotation, density, velocity, angular_velocity, friction, restitution))]
-    fn hull(
-        points: Vec<Vec<f64>>,
-        rotation: Vec<f64>,
-        density: f32,
-        velocity: Vec<f64>,
-        angular_velocity: Vec<f64>,
-        friction: f32,
-        restitution: f32,
-    ) -> PyResult<Self> {
-        let common = Common {
-            rotation,
-            density,
-            velocity,
-            angular_velocity,
-            friction,
-            restitution,
-        };
+    #[pyo3(signature = (points, **common))]
+    fn hull(points: Vec<Vec<f64>>, common: Option<Bound<'_, PyDict>>) -> PyResult<Self> {
+        let common = common_of(common)?;
         build!(points.first().map_or(0, Vec::len), common, D => {
             let corners = points.iter().map(|point| vector::<D>("points", point));
             let corners: PyResult<Vec<_>> = corners.collect();
