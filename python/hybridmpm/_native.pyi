@@ -6,7 +6,7 @@ the number of particles, D the dimension (2 or 3).
 """
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, final
+from typing import TypeAlias, TypedDict, Unpack, final
 
 import numpy as np
 import numpy.typing as npt
@@ -367,12 +367,20 @@ class Obstacle:
     def moved(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
         """Positions (N, D) [m] at a time [s] of points of the solid that are at `x` (N, D) [m] at time 0."""
 
+class _RigidMotion(TypedDict):
+    rotation: Sequence[float]
+    density: float
+    velocity: Sequence[float]
+    angular_velocity: Sequence[float]
+    friction: float
+    restitution: float
+
 @final
 class RigidBody:
     """A rigid body at the start, which the material moves and which moves it.
 
     `rotation` [rad] and `angular_velocity` [rad/s] have one number in 2D, anticlockwise, and three in 3D.
-    `friction` and `restitution` [-] hold on walls, obstacles and other rigid bodies.
+    `friction` and `restitution` [-] hold on walls, obstacles and other rigid bodies; `density` is in kg/m^3.
     """
 
     center: list[float]
@@ -390,49 +398,25 @@ class RigidBody:
     def ball(
         center: Sequence[float],
         radius: float,
-        *,
-        rotation: Sequence[float],
-        density: float,
-        velocity: Sequence[float],
-        angular_velocity: Sequence[float],
-        friction: float,
-        restitution: float,
+        **motion: Unpack[_RigidMotion],
     ) -> RigidBody: ...
     @staticmethod
     def box(
         lower: Sequence[float],
         upper: Sequence[float],
-        *,
-        rotation: Sequence[float],
-        density: float,
-        velocity: Sequence[float],
-        angular_velocity: Sequence[float],
-        friction: float,
-        restitution: float,
+        **motion: Unpack[_RigidMotion],
     ) -> RigidBody: ...
     @staticmethod
     def cylinder(
         start: Sequence[float],
         end: Sequence[float],
         radius: float,
-        *,
-        rotation: Sequence[float],
-        density: float,
-        velocity: Sequence[float],
-        angular_velocity: Sequence[float],
-        friction: float,
-        restitution: float,
+        **motion: Unpack[_RigidMotion],
     ) -> RigidBody: ...
     @staticmethod
     def hull(
         points: Sequence[Sequence[float]],
-        *,
-        rotation: Sequence[float],
-        density: float,
-        velocity: Sequence[float],
-        angular_velocity: Sequence[float],
-        friction: float,
-        restitution: float,
+        **motion: Unpack[_RigidMotion],
     ) -> RigidBody:
         """Build the convex hull of some points."""
 
@@ -1102,8 +1086,11 @@ class Upsampler:
         x: npt.NDArray[np.float32],
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> None:
         """Move all particles to the end of a frame after the latest update, with the coarse particles then.
+
+        `rigid` (B, 13) are the numbers of the scene's rigid bodies, as `Solver.rigid` has them.
 
         Raises
         ------
@@ -1119,6 +1106,7 @@ class Upsampler:
         x: npt.NDArray[np.float32],
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return positions (N, D) [m] at a frame from the latest update on; raises as `update`."""
 
@@ -1131,6 +1119,7 @@ class Upsampler:
         v: npt.NDArray[np.float32],
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
+        rigid: npt.NDArray[np.float64] | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return velocities (N, D) [m/s] at such a frame; `v` (n, D) are those of the coarse particles."""
 

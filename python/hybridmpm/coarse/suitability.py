@@ -18,6 +18,8 @@ SLENDER = 2.0
 """Thickness of an elastic body [cells of the level] below which it folds; other bodies take one cell."""
 SMALL_SINK = {2: 5.0, 3: 11.0}
 """Measure of a sink [cells of the level], by dimension, below which it drains less than it should."""
+RIGID_CELLS = 4.0
+"""Thickness of a rigid body [cells of the level] below which it floats too high or too low."""
 CHOKED, CHOKED_SAND = 0.5, 0.75
 """Share of the scene's own flow through a gap below which a level may choke it [-]; sand chokes sooner."""
 
@@ -26,8 +28,9 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
     """Return a sentence for each property of a scene that is outside the bounds of a fitted level.
 
     Checked are the speed of impacts, obstacles and bodies thinner than a cell of the level's grid or elastic
-    bodies thinner than two, gaps between solids, sinks of some cells, the depth of matter at rest in cells,
-    ratios of densities above 10, and `transfer_loss`. `MpmSolver` warns of each with a `CoarseWarning`.
+    bodies thinner than two, rigid bodies thinner than four, gaps between solids, sinks of some cells, the
+    depth of matter at rest in cells, ratios of densities above 10, and `transfer_loss`. `MpmSolver` warns of
+    each with a `CoarseWarning`.
 
     Parameters
     ----------
@@ -47,6 +50,7 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
         *_depth_warnings(scene, level),
         *_density_warnings(scene, level),
         *_loss_warnings(scene, level),
+        *_rigid_warnings(scene, level),
     ]
 
 
@@ -156,6 +160,20 @@ def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> 
             f"of coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m "
             f"thick{rest}"
         )
+
+
+def _rigid_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn of rigid bodies of a few cells of the level, which float too high."""
+    if level.resolution >= scene.resolution:
+        return  # `check` finds those that are thin on the scene's own grid.
+    for i, body in enumerate(scene.rigid):
+        cells = body.smallest_extent * level.resolution
+        if cells < RIGID_CELLS:
+            yield (
+                f"rigid[{i}] ({body.shape}) is {cells:.2g} cells of coarse level {level.name!r} thick, and "
+                f"below {RIGID_CELLS:g} it floats more than 5 % too high or too low: make it at least "
+                f"{RIGID_CELLS / level.resolution:.2g} m thick, or take a coarse level of more particles"
+            )
 
 
 def _cell(level: CoarseLevel) -> float:

@@ -56,7 +56,7 @@ class Upsampler:
     their affine motion, are scattered to the nodes of their grid, weighted by mass, and interpolated to the
     shown particles. Shown particles that are denser than at rest are moved apart, by at most a quarter of a
     cell of the scene's grid in each pass. A particle without a node with mass nearby falls freely. Particles
-    stay between the walls and outside obstacles, moving ones included. Sinks and emitters act on them by the
+    stay between the walls and outside obstacles and rigid bodies. Sinks and emitters act on them by the
     rules for coarse particles.
 
     At frames between two updates, positions are interpolated on demand, which does not change the simulation.
@@ -194,7 +194,15 @@ class Upsampler:
 
     def _state(self) -> dict[str, Any]:
         coarse = self._coarse
-        return {"ids": coarse.ids, "x": coarse.positions, "affine": coarse.affine, "mass": coarse.mass}
+        # Networks move no rigid bodies.
+        rigid = coarse.rigid if isinstance(coarse, _core.Solver) else None
+        return {
+            "ids": coarse.ids,
+            "x": coarse.positions,
+            "affine": coarse.affine,
+            "mass": coarse.mass,
+            "rigid": rigid,
+        }
 
 
 def refuse_other_upsampler(*, saved: bool, here: bool) -> None:

@@ -134,8 +134,6 @@ class MpmSolver(CoarseSimulator):
             raise ConfigError(f"sleep must be Sleep(...), or None where nothing may sleep, got {sleep!r}")
         self._sleep = sleep
         self._allow_unstable = allow_unstable
-        if coarse is not None or show_all:
-            scene.refuse_rigid("coarse mode is")
         if coarse is None:
             self._level = CoarseLevel.unfitted(scene, r_p)
         else:

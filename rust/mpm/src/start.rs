@@ -121,6 +121,7 @@ impl<const D: usize> Shown<D> {
             x: &[],
             affine: None,
             mass: &[],
+            rigid: &[],
         };
         let mut upsampler = Upsampler::new(
             &self.settings,

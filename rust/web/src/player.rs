@@ -37,6 +37,7 @@ struct Simulated {
     x: Vec<f32>,
     affine: Vec<f32>,
     mass: Vec<f32>,
+    rigid: Vec<[f64; 13]>,
 }
 
 impl Simulated {
@@ -46,6 +47,7 @@ impl Simulated {
             x: vec![0.0; count * D],
             affine: vec![0.0; count * D * D],
             mass: vec![0.0; count],
+            rigid: solver.rigid().collect(),
         };
         solver.write_positions(&mut found.x);
         solver.write_affine(&mut found.affine);
@@ -59,6 +61,7 @@ impl Simulated {
             x: &self.x,
             affine: Some(&self.affine),
             mass: &self.mass,
+            rigid: &self.rigid,
         }
     }
 }

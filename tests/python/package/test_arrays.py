@@ -58,7 +58,14 @@ IDS = np.arange(N, dtype=np.uint64)
 GRAPH = _native.radius_graph(X, 0.2)
 PARTICLES = {"x": X, "v": V, "material": KIND, "mass": 1e-2 * ONE, "volume": 1e-5 * ONE}
 BOX = {"frame_dt": 0.0025, "gravity": (0, -9.8), "wall_lower": (0.1, 0.1), "wall_upper": (0.9, 0.9)}
-COARSE = {"ids": IDS, "x": X, "affine": RNG.normal(size=(N, 2, 2)).astype(np.float32), "mass": ONE}
+SPHERE = np.array([[0.5, 0.3, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]])
+COARSE = {
+    "ids": IDS,
+    "x": X,
+    "affine": RNG.normal(size=(N, 2, 2)).astype(np.float32),
+    "mass": ONE,
+    "rigid": SPHERE,
+}
 
 
 def _solver(**arrays: Array) -> _native.Solver:
@@ -66,7 +73,8 @@ def _solver(**arrays: Array) -> _native.Solver:
 
 
 def _upsampler(**arrays: Array) -> _native.Upsampler:
-    return _native.Upsampler(_solver(), resolution=32, **(PARTICLES | arrays))
+    floating = _native.Solver(resolution=16, materials=[WATER, WATER], rigid=[RIGID], **BOX, **PARTICLES)
+    return _native.Upsampler(floating, resolution=32, **(PARTICLES | arrays))
 
 
 def _updated(frame: int, **arrays: Array) -> _native.Upsampler:

@@ -23,6 +23,7 @@ struct CoarseArrays<'py> {
     x: PyReadonlyArray2<'py, f32>,
     affine: Option<PyReadonlyArray3<'py, f32>>,
     mass: PyReadonlyArray1<'py, f32>,
+    rigid: Vec<[f64; 13]>,
 }
 
 impl<'py> CoarseArrays<'py> {
@@ -32,6 +33,7 @@ impl<'py> CoarseArrays<'py> {
         x: &Bound<'py, PyAny>,
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
+        rigid: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let vectors = format!("float32 of shape (N, {dim})");
         let matrices = format!("float32 of shape (N, {dim}, {dim})");
@@ -42,6 +44,7 @@ impl<'py> CoarseArrays<'py> {
                 .map(|affine| array::<f32, Ix3>("affine", &matrices, affine))
                 .transpose()?,
             mass: array::<f32, Ix1>("mass", "float32 of shape (N,)", mass)?,
+            rigid: rigid.map(bodies).transpose()?.unwrap_or_default(),
         };
         if arrays.x.shape()[1] != dim {
             let got = arrays.x.shape();
@@ -59,8 +62,22 @@ impl<'py> CoarseArrays<'py> {
             x: slice_of(&self.x),
             affine: affine.map(slice_of),
             mass: slice_of(&self.mass),
+            rigid: &self.rigid,
         }
     }
+}
+
+/// Numbers of rigid bodies, a row each.
+fn bodies(rows: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 13]>> {
+    let expected = "float64 of shape (B, 13)";
+    let rows = array::<f64, Ix2>("rigid", expected, rows)?;
+    if rows.shape()[1] != 13 {
+        let got = rows.shape();
+        return Err(config_error(format!(
+            "rigid must be {expected}, got shape {got:?}"
+        )));
+    }
+    Ok(slice_of(&rows).as_chunks().0.to_vec())
 }
 
 impl PyUpsampler {
@@ -132,6 +149,7 @@ impl PyUpsampler {
                     x: &x,
                     affine: None,
                     mass: &mass,
+                    rigid: &[],
                 };
                 let upsampler = py.detach(|| {
                     Upsampler::new(&settings, coarse_grid, constants, particles, &coarse)
@@ -196,7 +214,11 @@ impl PyUpsampler {
         )
     }
 
-    #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
+    #[pyo3(signature = (frame, *, ids, x, affine=None, mass, rigid=None))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python method"
+    )]
     fn update<'py>(
         &self,
         py: Python<'py>,
@@ -205,8 +227,9 @@ impl PyUpsampler {
         x: &Bound<'py, PyAny>,
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
+        rigid: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<()> {
-        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass, rigid)?;
         let coarse = arrays.coarse();
         self.held.interruptible(py, |any| {
             let updated = with_any!(any, upsampler => upsampler.update(&coarse, frame));
@@ -214,7 +237,11 @@ impl PyUpsampler {
         })
     }
 
-    #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
+    #[pyo3(signature = (frame, *, ids, x, affine=None, mass, rigid=None))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python method"
+    )]
     fn positions<'py>(
         &self,
         py: Python<'py>,
@@ -223,8 +250,9 @@ impl PyUpsampler {
         x: &Bound<'py, PyAny>,
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
+        rigid: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass, rigid)?;
         let coarse = arrays.coarse();
         let shown = self.held.detached(py, |any| {
             with_any!(any, upsampler => {
@@ -235,7 +263,7 @@ impl PyUpsampler {
         vectors(py, self.dim, shown?.map_err(NativeError)?)
     }
 
-    #[pyo3(signature = (frame, *, ids, x, v, affine=None, mass))]
+    #[pyo3(signature = (frame, *, ids, x, v, affine=None, mass, rigid=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python method"
@@ -249,8 +277,9 @@ impl PyUpsampler {
         v: &Bound<'py, PyAny>,
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
+        rigid: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass, rigid)?;
         let coarse = arrays.coarse();
         let v = array::<f32, Ix2>("v", &format!("float32 of shape (N, {})", self.dim), v)?;
         let v = slice_of(&v);

@@ -1,6 +1,6 @@
 //! Vectors of the grid, in single precision and D dimensions, as those of rigid bodies, and back.
 
-use rigid::{Matrix3, Vector3};
+use rigid::{Matrix3, Moving, Placed, Rates, Rotation, Vector3};
 
 use crate::boundary::Pose;
 use crate::linalg::{Matrix, Vector};
@@ -23,7 +23,7 @@ pub fn spin_matrix<const D: usize>(w: &Vector3) -> Matrix<D> {
 }
 
 /// Where a body is after `dt` [s] with the velocities that it has.
-pub fn pose_of<const D: usize>(moving: &rigid::Moving, dt: f32) -> Pose<D> {
+pub fn pose_of<const D: usize>(moving: &Moving, dt: f32) -> Pose<D> {
     let dt = f64::from(dt);
     let turn = rigid::turned(&moving.placed.turn, &(moving.w * dt));
     Pose::of_body(
@@ -32,4 +32,20 @@ pub fn pose_of<const D: usize>(moving: &rigid::Moving, dt: f32) -> Pose<D> {
         single(&moving.v),
         spin_matrix(&moving.w),
     )
+}
+
+/// Where a body is by its numbers, as `numbers_of` has them.
+pub fn pose_of_numbers<const D: usize>(numbers: &[f64; 13]) -> Pose<D> {
+    let three = |first: usize| Vector3::from_column_slice(&numbers[first..first + 3]);
+    let turn = nalgebra::Quaternion::new(numbers[3], numbers[4], numbers[5], numbers[6]);
+    let moving = Moving {
+        placed: Placed {
+            x: three(0),
+            turn: Rotation::new_unchecked(turn),
+        },
+        v: three(7),
+        w: three(10),
+        support: Rates::NONE,
+    };
+    pose_of(&moving, 0.0)
 }

@@ -15,6 +15,8 @@ pub struct CoarseParticles<'a> {
     pub affine: Option<&'a [f32]>,
     /// Masses [kg].
     pub mass: &'a [f32],
+    /// Numbers of the rigid bodies, as `Solver::rigid` has them.
+    pub rigid: &'a [[f64; 13]],
 }
 
 impl CoarseParticles<'_> {
@@ -41,6 +43,9 @@ impl CoarseParticles<'_> {
             if let Some(bad) = numbers.iter().find(|s| !s.is_finite()) {
                 return Err(MpmError::parameter(name, "finite", bad));
             }
+        }
+        if let Some(bad) = self.rigid.iter().flatten().find(|s| !s.is_finite()) {
+            return Err(MpmError::parameter("rigid", "finite", bad));
         }
         if !self.ids.is_sorted() {
             return Err(MpmError::parameter("ids", "ascending", self.ids));

@@ -17,6 +17,7 @@ use crate::grid::Layout;
 use crate::initial::{Particles, check_particles};
 use crate::linalg::{LANES, Lanes, Vector};
 use crate::openings::{EmitterStatus, Population};
+use crate::rigid::{Bodies, pose_of_numbers};
 use crate::settings::{SolverSettings, check_grid};
 use serde::{Deserialize, Serialize};
 use threads::{Team, interrupted};
@@ -120,7 +121,12 @@ impl<const D: usize> Upsampler<D> {
             constants,
             surfaces: Surfaces {
                 walls: *walls,
-                obstacles: Obstacles::new(settings.obstacles.clone(), walls, &layout),
+                obstacles: Obstacles::with_bodies(
+                    settings.obstacles.clone(),
+                    &Bodies::placed(&settings.rigid),
+                    walls,
+                    &layout,
+                ),
                 layout,
                 frictions: settings.materials.iter().map(|m| m.wall_friction).collect(),
             },
@@ -366,6 +372,14 @@ impl<const D: usize> Upsampler<D> {
             let allowed = "after the frame of the latest update";
             return Err(MpmError::parameter("frame", allowed, frame));
         }
+        let (expected, got) = (self.settings.rigid.len(), coarse.rigid.len());
+        if got != expected {
+            return Err(MpmError::Length {
+                name: "rigid",
+                expected,
+                got,
+            });
+        }
         let dt = (frame - self.state.frame) as f32 * self.settings.frame_dt;
         self.field.scatter(
             &self
@@ -373,7 +387,9 @@ impl<const D: usize> Upsampler<D> {
                 .previous
                 .samples(coarse, dt, self.constants.affine_share),
         );
-        // Obstacles are placed by the number of the frame.
+        // Obstacles are placed by the number of the frame, and rigid bodies as they are then.
+        let poses = coarse.rigid.iter().map(pose_of_numbers);
+        self.surfaces.obstacles.place_bodies(poses);
         let time = frame as f64 * f64::from(self.settings.frame_dt);
         self.surfaces.obstacles.move_to(time, dt);
         let gravity = &self.settings.gravity;

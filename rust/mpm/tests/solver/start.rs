@@ -72,6 +72,7 @@ fn shown<const D: usize>(solver: &Solver<D>) -> Upsampler<D> {
         x: &x,
         affine: None,
         mass: &mass,
+        rigid: &[],
     };
     let grid = (solver.settings().resolution, solver.settings().cells);
     let constants = UpsamplingConstants::default();
