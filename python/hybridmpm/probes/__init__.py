@@ -5,7 +5,7 @@ walls are refused. D is the dimension, K a number of points.
 """
 
 from hybridmpm.probes.forces import Force, Torque
-from hybridmpm.probes.gauges import FillLevel, Flow, HeightGauge
+from hybridmpm.probes.gauges import FillLevel, Flow, HeightGauge, Submerged
 from hybridmpm.probes.probe import PressureSamples, Probe
 from hybridmpm.probes.quantities import Density, PatchDensity, PatchPressure, Pressure
 from hybridmpm.probes.series import TimeSeries, record
@@ -21,6 +21,7 @@ __all__ = [
     "Pressure",
     "PressureSamples",
     "Probe",
+    "Submerged",
     "TimeSeries",
     "Torque",
     "record",

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._support.arguments import float64
+from hybridmpm._support.arguments import float64, whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.probes.probe import (
     Floats,
@@ -19,6 +19,7 @@ from hybridmpm.probes.probe import (
 )
 from hybridmpm.probes.quantities import free_volume, plain_patch
 from hybridmpm.scene import Scene
+from hybridmpm.scene.rigid import placed
 
 _COLUMN = 4.0
 """Width of the column of a height gauge [spacings]."""
@@ -26,6 +27,10 @@ _BAND = 4.0
 """Thickness of the band around a segment in which a flow is read [spacings]."""
 _STEPS = 4
 """Heights at which a column is looked at, for each spacing."""
+_BESIDE = 6.0
+"""Distance of a column from the rigid body that it is beside [spacings]."""
+_PIECES = 1000
+"""Pieces in which a rigid body is cut to find how much of it is submerged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +51,7 @@ class HeightGauge(Probe):
 
     def _column(self, scene: Scene, width: float) -> tuple[int, Floats, Floats]:
         """Return the axis of gravity, and lower and upper corner (D,) of the column between the walls."""
-        acting = np.flatnonzero(scene.gravity)
-        if len(acting) != 1:
-            raise ConfigError(f"a height gauge needs gravity along one axis, got {scene.gravity}")
-        up = int(acting[0])
+        up = _up(scene)
         place = np.atleast_1d(float64("place", self.place))
         if place.shape != (scene.dim - 1,):
             raise ConfigError(
@@ -138,6 +140,72 @@ class FillLevel(Probe):
 
 
 @dataclass(frozen=True, eq=False)
+class Submerged(Probe):
+    """Part of a rigid body's volume that lies below the free surface beside it [-].
+
+    The surface is the mean of a `HeightGauge` on either side of the body, in 3D on four sides, six particle
+    spacings from it; a side without so much room counts as none. NaN where no side has it.
+    """
+
+    body: int
+    """Index into `Scene.rigid`."""
+    unit: ClassVar[str] = "1"
+
+    def check(self, scene: Scene) -> None:
+        """See `Probe.check`."""
+        self._pieces(scene)
+        HeightGauge(np.delete(scene.walls.lower, _up(scene))).check(scene)
+
+    def _pieces(self, scene: Scene) -> tuple[int, Floats, float]:
+        """Return the body's number, the middles (K, D) of its pieces in its own frame, and their side [m]."""
+        if not scene.rigid:
+            raise ConfigError(f"body {self.body!r} does not exist: the scene has no rigid bodies")
+        number = whole("body", self.body, 0, len(scene.rigid) - 1)
+        body = scene.rigid[number]
+        size = float((body.mass / body.density / _PIECES) ** (1 / scene.dim))
+        return number, body.filling(size), size
+
+    def read(self, simulator: Probed) -> Floats:
+        """Return the part, ()."""
+        scene, spacing = simulator.scene, simulator.particle_spacing
+        number, own, size = self._pieces(scene)
+        up = _up(scene)
+        x = placed(own, simulator.rigid_numbers()[number])
+        walls = np.array([scene.walls.lower, scene.walls.upper])
+        levels = []
+        for axis in range(scene.dim):
+            for side, end in ((-1, x.min(axis=0)), (1, x.max(axis=0))):
+                place = x.mean(axis=0)
+                place[axis] = end[axis] + side * (size / 2 + _BESIDE * spacing)
+                room = (side * (walls[(side + 1) // 2] - place))[axis]
+                if axis != up and room >= _COLUMN / 2 * spacing:
+                    levels.append(HeightGauge(np.delete(place, up)).read(simulator))
+        if not levels:
+            return np.array(np.nan)
+        floor_is_low = scene.gravity[up] < 0
+        height = x[:, up] - walls[0, up] if floor_is_low else walls[1, up] - x[:, up]
+        return np.array(np.clip((np.mean(levels) - height) / size + 0.5, 0, 1).mean())
+
+    def plain(self, simulator: Probed) -> dict[str, Any]:
+        """See `Probe.plain`."""
+        scene, spacing = simulator.scene, simulator.particle_spacing
+        number, own, size = self._pieces(scene)
+        up = _up(scene)
+        return {
+            "kind": "submerged",
+            "body": number,
+            "pieces": own.ravel().tolist(),
+            "size": size,
+            "up": up,
+            "floorIsLow": scene.gravity[up] < 0,
+            "beside": size / 2 + _BESIDE * spacing,
+            "width": _COLUMN * spacing,
+            "steps": _STEPS,
+            "marks": [],
+        }
+
+
+@dataclass(frozen=True, eq=False)
 class Flow(Probe):
     """Mass that flows through a segment in 2D, or a rectangle across one axis in 3D [kg/s].
 
@@ -210,3 +278,11 @@ def _reach(point: Floats, direction: Floats, scene: Scene, most: float) -> float
     room = np.where(direction > 0, upper - point, point - lower)
     moving = np.abs(direction) > 1e-9
     return float(min(most, (np.maximum(room, 0.0)[moving] / np.abs(direction)[moving]).min()))
+
+
+def _up(scene: Scene) -> int:
+    """Return the axis of gravity, or raise `ConfigError`."""
+    acting = np.flatnonzero(scene.gravity)
+    if len(acting) != 1:
+        raise ConfigError(f"a height gauge needs gravity along one axis, got {scene.gravity}")
+    return int(acting[0])

@@ -53,6 +53,9 @@ class Probed(Protocol):
     def mass(self) -> npt.NDArray[np.float32]:
         """Masses (N,) [kg]."""
 
+    def rigid_numbers(self) -> Floats:
+        """Numbers (B, 13) of the scene's rigid bodies."""
+
     def pressure_samples(self) -> PressureSamples:
         """Pressures of the particles that are simulated; a `ConfigError` where there are none."""
 

@@ -1,6 +1,7 @@
 """Probes read what is known otherwise: closed forms, the rate of an emitter, what a sink has left."""
 
 import csv
+import math
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from hybridmpm.probes import (
     PatchPressure,
     Pressure,
     Probe,
+    Submerged,
     record,
 )
 
@@ -121,6 +123,26 @@ def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() ->
     walls = {"lower": [0.1, 0.1], "upper": [0.4, 0.4]}
     brimming = MpmSolver(Scene.parse({"dim": 2, "resolution": 40, "bodies": [full], "walls": walls}))
     assert float(brimming.probe(HeightGauge(0.2))) == pytest.approx(0.3, abs=0.003)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_body_is_submerged_up_to_the_surface(dim: int) -> None:
+    wide = {"world": {"size": [1.0] * dim}, "walls": {"lower": [0.1] * dim, "upper": [0.9] * dim}}
+    water = {"shape": "box", "material": "water", "lower": [0.1] * dim, "upper": [0.9, 0.35, 0.9][:dim]}
+    for lower, expected in ((0.32, 0.15), (0.25, 0.5), (0.12, 1.0), (0.4, 0.0)):
+        box = {"shape": "box", "lower": [0.4, lower, 0.4][:dim], "upper": [0.6, lower + 0.2, 0.6][:dim]}
+        made = Scene.parse({"dim": dim, "resolution": 32, "bodies": [water], "rigid": [box], **wide})
+        assert float(MpmSolver(made).probe(Submerged(0))) == pytest.approx(expected, abs=0.05)
+    # On its corner, up to the middle.
+    box = {"shape": "box", "lower": [0.4, 0.25], "upper": [0.6, 0.45], "rotation": math.pi / 4}
+    flat = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.35]}
+    tilted = Scene.parse({"dim": 2, "resolution": 32, "bodies": [flat], "rigid": [box]})
+    assert float(MpmSolver(tilted).probe(Submerged(0))) == pytest.approx(0.5, abs=0.05)
+    # No room beside it.
+    walls = {"lower": [0.3, 0.1], "upper": [0.7, 0.9]}
+    filled = flat | {"lower": [0.3, 0.1], "upper": [0.7, 0.3]}
+    narrow = Scene.parse({"dim": 2, "resolution": 32, "bodies": [filled], "rigid": [box], "walls": walls})
+    assert np.isnan(MpmSolver(narrow).probe(Submerged(0)))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -234,6 +256,7 @@ def test_pressure_of_the_core_is_that_of_the_equation_of_state() -> None:
         (PatchDensity([0.1, 0.1], [0.5, 0.2]), "upper must lie inside the walls"),
         (PatchPressure([0.3, 0.2], [0.2, 0.3]), "upper must be above lower along each axis"),
         (HeightGauge(0.9), "place must lie inside the walls"),
+        (Submerged(0), "body 0 does not exist: the scene has no rigid bodies"),
         (HeightGauge([0.2, 0.2]), "place must be the 1 coordinates across gravity in 2D"),
         (Flow([0.2, 0.2], [0.2, 0.2]), "end must differ from start"),
     ],
