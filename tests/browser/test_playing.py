@@ -22,8 +22,13 @@ from hybridmpm import (
     CoarseWarning,
     ConfigError,
     Liquid,
+    MeshObstacle,
     Motion,
     MpmSolver,
+    RigidBall,
+    RigidBox,
+    RigidCylinder,
+    RigidHull,
     Scene,
     SimulationError,
     play,
@@ -85,7 +90,7 @@ def test_a_page_computes_the_bits_of_the_native_solver(show: Show, name: str, ki
     assert advanced(page, frames) == solver.digest()
 
 
-def test_a_page_goes_on_in_mid_splash_among_moving_obstacles(show: Show) -> None:
+def test_a_page_goes_on_in_mid_splash_among_moving_obstacles_and_rigid_bodies(show: Show) -> None:
     paddle = BoxObstacle(
         lower=(0.45, 0.1),
         upper=(0.5, 0.4),
@@ -98,11 +103,45 @@ def test_a_page_goes_on_in_mid_splash_among_moving_obstacles(show: Show) -> None
         Box(material="sand", lower=(0.58, 0.1), upper=(0.7, 0.2)),
         Box(material=paste, lower=(0.74, 0.1), upper=(0.85, 0.35)),
     )
-    solver = MpmSolver(Scene(dim=2, bodies=bodies, obstacles=(paddle,)))
+    rigid = (
+        RigidBox(lower=(0.3, 0.27), upper=(0.42, 0.33), density=400.0, rotation=0.2),
+        RigidBall(center=(0.8, 0.42), radius=0.05, density=2000.0, angular_velocity=20.0),
+        RigidHull(points=((0.12, 0.1), (0.22, 0.1), (0.17, 0.2)), velocity=(1.0, 0.0)),
+    )
+    solver = MpmSolver(Scene(dim=2, bodies=bodies, obstacles=(paddle,), rigid=rigid))
     solver.advance(50)
     page = show(play(solver).html)
     solver.advance(40)
     assert advanced(page, 40) == solver.digest()
+    assert numbers_of_bodies(page) == solver.rigid_numbers().ravel().tolist()
+
+
+def numbers_of_bodies(page: Page) -> list[float]:
+    found: list[float] = page.evaluate("async () => { await advance(0); return [...state.rigid]; }")
+    return found
+
+
+def test_a_page_has_the_bits_of_meshes_and_of_bodies_of_all_shapes_in_space(show: Show) -> None:
+    outline = [(0.1, 0.1), (0.5, 0.1), (0.1, 0.3)]
+    vertices = [(*corner, z) for z in (0.3, 0.7) for corner in outline]
+    triangles = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)]
+    rigid = (
+        RigidBox(
+            lower=(0.3, 0.35, 0.4), upper=(0.45, 0.45, 0.5), rotation=(0.1, 0.2, 0.3), velocity=(0, -2, 0)
+        ),
+        RigidBall(center=(0.7, 0.35, 0.5), radius=0.06, density=2000.0, velocity=(0, -1, 0)),
+        RigidCylinder(start=(0.6, 0.35, 0.7), end=(0.75, 0.4, 0.7), radius=0.05, velocity=(0, -1, 0)),
+        RigidHull(points=((0.7, 0.3, 0.2), (0.8, 0.3, 0.2), (0.75, 0.3, 0.3), (0.75, 0.4, 0.25))),
+    )
+    water = Box(material="water", lower=(0.5, 0.1, 0.1), upper=(0.9, 0.25, 0.9))
+    wedge = MeshObstacle(vertices=vertices, triangles=triangles)
+    scene = Scene(dim=3, resolution=20, bodies=[water], obstacles=[wedge], rigid=rigid)
+    solver = MpmSolver(scene)
+    solver.advance(20)
+    page = show(play(solver).html)
+    solver.advance(80)
+    assert advanced(page, 80) == solver.digest()
+    assert numbers_of_bodies(page) == solver.rigid_numbers().ravel().tolist()
 
 
 WHEEL = Scene.load(Path(hybridmpm_service.__file__).parent / "page" / "gallery" / "water-wheel.json")
@@ -300,12 +339,14 @@ PLANE = Scene(
     resolution=64,
     bodies=(Box(material="water", lower=(0.1, 0.1), upper=(0.4, 0.4), velocity=(2.0, 0.0)),),
     obstacles=(PADDLE, BoxObstacle(lower=(0.7, 0.05), upper=(0.75, 0.15))),
+    rigid=(RigidBox(lower=(0.62, 0.3), upper=(0.82, 0.5), density=400.0),),
 )
 SPACE = Scene(
     dim=3,
     resolution=32,
     bodies=(Box(material="water", lower=(0.1, 0.1, 0.1), upper=(0.4, 0.4, 0.9), velocity=(2.0, 0.0, 0.0)),),
     obstacles=(BoxObstacle(lower=(0.6, 0.1, 0.4), upper=(0.7, 0.2, 0.6)),),
+    rigid=(RigidBox(lower=(0.45, 0.3, 0.4), upper=(0.6, 0.45, 0.6), density=400.0),),
 )
 GAUGES = {
     2: {
@@ -319,6 +360,7 @@ GAUGES = {
         "force": probes.Force(obstacle=1),
         "floor": probes.Force(wall="y_lower"),
         "torque": probes.Torque(obstacle=0, about=(0.475, 0.2)),
+        "submerged": probes.Submerged(0),
     },
     3: {
         "density": probes.Density((0.5, 0.12, 0.5)),
@@ -328,6 +370,7 @@ GAUGES = {
         "flow": probes.Flow((0.43, 0.1, 0.1), (0.43, 0.4, 0.9)),
         "force": probes.Force(obstacle=0),
         "torque": probes.Torque(obstacle=0, about=(0.6, 0.1, 0.4)),
+        "submerged": probes.Submerged(0),
     },
 }
 

@@ -29,6 +29,7 @@ from hybridmpm.probes import Probe
 from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
+from hybridmpm.scene.rigid import RigidBody
 
 __all__ = ["MODULES", "PlayingPage", "drawing_of_bodies", "module", "play", "ways_file"]
 
@@ -117,7 +118,6 @@ def play(
         raise ConfigError(
             f"a page plays a Scene or an MpmSolver, got {type(source).__name__}: networks run on servers only"
         )
-    solver.scene.refuse_rigid("playing files are")
     for probe in (probes or {}).values():
         checked_probe(probe).check(solver.scene)
     about = _about(solver, probes or {})
@@ -145,7 +145,15 @@ def play(
 def _about(solver: MpmSolver, probes: Mapping[str, Probe]) -> dict[str, Any]:
     """Return what the page has to know besides the start file, as plain data."""
     scene = solver.scene
-    step, solids = _solids(scene)
+    step, lattice = _lattice(scene)
+    solids = [
+        {
+            "obstacle": index,
+            "moves": obstacle.motion is not None,
+            "points": _as_numbers(_points(obstacle, lattice, step)),
+        }
+        for index, obstacle in enumerate(scene.obstacles)
+    ]
     return {
         "lower": scene.walls.lower,
         "upper": scene.walls.upper,
@@ -156,6 +164,7 @@ def _about(solver: MpmSolver, probes: Mapping[str, Probe]) -> dict[str, Any]:
         "spacing": solver.particle_spacing,
         "simulatedSpacing": solver.pressure_samples().spacing,
         "solids": solids,
+        "rigid": [_rigid(body, lattice, step) for body in scene.rigid],
         "solidStep": step,
         "moves": any(solid["moves"] for solid in solids),
         "probes": [{"name": name, "unit": one.unit, **one.plain(solver)} for name, one in probes.items()],
@@ -180,30 +189,36 @@ def _page(solver: MpmSolver, name: str, text: str, about: dict[str, Any], ways: 
         "module": _as_text(module(space)),
         "module-exact": _as_text(module(f"{space}-exact")),
         "worker": "\n".join(_asset(name).decode() for name in ("readings.js", "worker.js")),
-        "player": "\n".join(_asset(name).decode() for name in ("charts.js", "player.js")),
+        "player": "\n".join(
+            [_asset("charts.js").decode(), _inlined(drawing_of_bodies()), _asset("player.js").decode()]
+        ),
     }
     return re.sub(r"\{\{([a-z-]+)\}\}", lambda place: parts[place[1]], _asset("page.html").decode())
 
 
-def _solids(scene: Scene) -> tuple[float, list[dict[str, Any]]]:
-    """Return points that fill the obstacles, or their surfaces in 3D, and the distance between them [m]."""
+def _lattice(scene: Scene) -> tuple[float, npt.NDArray[np.float32]]:
+    """Return the distance between the points that show solids [m], and a lattice (N, D) of these."""
     lower, upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
     step = max(scene.spacing, float(np.prod(upper - lower) / 200_000) ** (1 / scene.dim))
     axes = [np.arange(a + step / 2, b, step) for a, b in zip(lower, upper, strict=True)]
-    lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim).astype(np.float32)
-    solids = [
-        {
-            "obstacle": index,
-            "moves": obstacle.motion is not None,
-            "points": _as_text(_points(obstacle, lattice, step).astype("<f4").tobytes()),
-        }
-        for index, obstacle in enumerate(scene.obstacles)
-    ]
-    return step, solids
+    return step, np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim).astype(
+        np.float32
+    )
 
 
-def _points(obstacle: Obstacle, lattice: npt.NDArray[np.float32], step: float) -> npt.NDArray[np.float32]:
-    distance = obstacle.to_native().signed_distance(lattice)
+def _rigid(body: RigidBody, lattice: npt.NDArray[np.float32], step: float) -> dict[str, Any]:
+    """Return what the page draws of a rigid body in its own frame: its shape, in 3D points of its surface."""
+    if lattice.shape[1] == 2:
+        return {**body.solid(), "points": ""}
+    own = body.own(_points(body, lattice, step).astype(np.float64))
+    return {**body.solid(), "points": _as_numbers(own)}
+
+
+def _points(
+    solid: Obstacle | RigidBody, lattice: npt.NDArray[np.float32], step: float
+) -> npt.NDArray[np.float32]:
+    """Return points that fill a solid, or its surface in 3D [m]."""
+    distance = solid.to_native().signed_distance(lattice)
     inside = distance <= 0
     if lattice.shape[1] == 3:
         inside &= distance > -1.5 * step
@@ -235,6 +250,13 @@ def drawing_of_bodies() -> str:
     return _asset("bodies.js").decode()
 
 
+def _inlined(module: str) -> str:
+    """Return a module of JavaScript without imports as a part of a script, which has what it exports."""
+    names = ", ".join(re.findall(r"^export (?:const|function) (\w+)", module, flags=re.MULTILINE))
+    body = re.sub(r"^export ", "", module, flags=re.MULTILINE)
+    return f"const {{ {names} }} = (() => {{\n{body}\nreturn {{ {names} }};\n}})();"
+
+
 def _packed(data: bytes) -> str:
     return _as_text(gzip.compress(data, 9, mtime=0))
 
@@ -242,6 +264,10 @@ def _packed(data: bytes) -> str:
 def _as_text(data: bytes) -> str:
     """Return bytes as text that may stand in a script element: Python's base 85, with a comma for `<`."""
     return base64.b85encode(data).decode().replace("<", ",")
+
+
+def _as_numbers(values: npt.NDArray[np.floating]) -> str:
+    return _as_text(values.astype("<f4").tobytes())
 
 
 def _asset(name: str) -> bytes:

@@ -153,7 +153,8 @@ function draw() {
     part("high").textContent = `${high} ${UNITS[wanted]}`;
   }
   const solids = scene.resting.concat(state.moved);
-  const cloud = new Cloud(solids.reduce((total, solid) => total + solid.length / dim, 0) + state.values.length);
+  const shown = solids.concat(state.bodies);
+  const cloud = new Cloud(shown.reduce((total, solid) => total + solid.length / dim, 0) + state.values.length);
   const add = (x, i, radius, tint) => {
     const at = dim === 2 ? project(x[i], x[i + 1]) : project(x[i], x[i + 1], x[i + 2]);
     const shade = dim === 2 ? 1 : Math.min(1.25, Math.max(0.35, 1.9 - 0.42 * at[2]));
@@ -162,6 +163,12 @@ function draw() {
   for (const solid of solids) {
     for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.75 * scene.solidStep, SOLID);
   }
+  state.bodies.forEach((points, body) => {
+    const own = scene.rigid[body].points;
+    for (let i = 0; i < points.length; i += dim) {
+      add(points, i, 0.75 * scene.solidStep, isMarked(own.subarray(i, i + dim)) ? BODY_MARK : BODY);
+    }
+  });
   const tints = scene.types.map((type) => {
     const kind = SUBSTANCES[type] ?? SUBSTANCES[5];
     return Array.from({ length: TINTS }, (_, i) =>
@@ -175,6 +182,13 @@ function draw() {
   }
   cloud.draw(pixels, width, height);
   pen.putImageData(image, 0, 0);
+  if (dim === 2) {
+    scene.rigid.forEach((solid, body) => {
+      const [x, y, , w, , , z] = state.rigid.subarray(13 * body);
+      const pose = { center: [x, y], turn: 2 * Math.atan2(z, w) };
+      drawFlatBody(pen, ([a, b]) => project(a, b), project(x, y)[3], solid, pose);
+    });
+  }
   drawWalls(project);
   for (const { marks } of scene.probes) for (const mark of marks) drawMark(project, ratio, mark);
   for (const sketch of drawn === null ? scene.sketches : [drawn]) {
@@ -509,6 +523,7 @@ async function start() {
     const moving = scene.solids
       .filter(({ moves }) => moves)
       .map(({ obstacle, points }) => ({ obstacle, points: unpackedNumbers(points) }));
+    for (const body of scene.rigid) body.points = unpackedNumbers(body.points);
     const modules = [stored("module"), stored("module-exact")];
     charts = scene.probes.map((probe) => new Chart(probe, part("charts")));
     const given = { modules, start: stored("start"), path: stored("ways"), moving, about: scene };

@@ -6,7 +6,7 @@ const between = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /**
  * Reads the probes of a scene. `about` is what the file says of the scene; `now` has functions that return the present
- * state: positions, velocities, masses, simulated, pressures, distances(points), forces.
+ * state: positions, velocities, masses, simulated, pressures, distances(points), forces, rigid.
  */
 class Readings {
   #about;
@@ -133,6 +133,30 @@ class Readings {
     return [room > 0 ? (filled * this.#about.spacing ** this.#dim) / room : NaN];
   }
 
+  submerged({ body, pieces, size, up, floorIsLow, beside, width, steps }) {
+    const dim = this.#dim;
+    const { lower, upper } = this.#about;
+    const placed = placedPoints(this.#get("rigid"), body, pieces, dim);
+    const x = Array.from({ length: placed.length / dim }, (_, i) => Array.from(placed.subarray(dim * i, dim * (i + 1))));
+    const ends = [Math.min, Math.max].map((end) => lower.map((_, axis) => end(...x.map((point) => point[axis]))));
+    const middle = lower.map((_, axis) => sum(x.map((point) => point[axis])) / x.length);
+    const levels = [];
+    for (let axis = 0; axis < dim; axis += 1) {
+      for (const side of [-1, 1]) {
+        const place = middle.slice();
+        place[axis] = ends[(side + 1) / 2][axis] + side * beside;
+        const room = side * ([lower, upper][(side + 1) / 2][axis] - place[axis]);
+        if (axis === up || room < width / 2) continue;
+        const low = lower.map((wall, i) => (i === up ? wall : Math.max(wall, place[i] - width / 2)));
+        const high = upper.map((wall, i) => (i === up ? wall : Math.min(wall, place[i] + width / 2)));
+        levels.push(this.height({ up, floorIsLow, lower: low, upper: high, steps })[0]);
+      }
+    }
+    const level = sum(levels) / levels.length;
+    const height = (point) => (floorIsLow ? point[up] - lower[up] : upper[up] - point[up]);
+    return [sum(x.map((point) => between((level - height(point)) / size + 0.5, 0, 1))) / x.length];
+  }
+
   flow({ middle, axes, lower, upper }) {
     const [x, v, mass] = [this.#get("positions"), this.#get("velocities"), this.#get("masses")];
     const [size, dim] = [this.#about.spacing, this.#dim];
@@ -237,6 +261,19 @@ class Readings {
       return (room * sum(weights.map((value, k) => (free[k] > 0 ? value : 0)))) / sum(weights);
     });
   }
+}
+
+/** Where points of a rigid body's own frame are, as flat coordinates, by the numbers of all bodies. */
+function placedPoints(numbers, body, points, dim) {
+  const [cx, cy, cz, w, x, y, z] = numbers.subarray(13 * body);
+  const placed = new Float64Array(points.length);
+  for (let i = 0; i < points.length; i += dim) {
+    const [a, b, c] = [points[i], points[i + 1], dim === 2 ? 0 : points[i + 2]];
+    placed[i] = cx + (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - w * z) * b + 2 * (x * z + w * y) * c;
+    placed[i + 1] = cy + 2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c;
+    if (dim === 3) placed[i + 2] = cz + 2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c;
+  }
+  return placed;
 }
 
 /** Part of a cube's side around x that lies between two places. */

@@ -5,6 +5,7 @@ let player = 0; // address of the simulation
 let startFile = null; // bytes
 let ways = null; // bytes, of those who follow a sketch
 let solids = []; // [{ obstacle, points: Float32Array }], moving ones
+let bodies = []; // rigid ones, with points in their own frames: Float32Array
 let readings = null; // of the probes; null without any
 let readEvery = 1; // frames
 let forces = 0; // numbers in the forces on walls and obstacles
@@ -77,6 +78,9 @@ const now = {
     give(Float32Array.from(points));
     return numbersAt(core.distances(player, points.length), points.length / core.dim());
   },
+  /** 13 numbers of each rigid body: centre, quaternion with the scalar first, velocity, angular velocity. */
+  rigid: () =>
+    bodies.length > 0 ? new Float64Array(core.memory.buffer, core.rigid(player), 13 * bodies.length).slice() : [],
   forces() {
     const address = core.forces(player);
     return address ? new Float64Array(core.memory.buffer, address, forces).slice() : null;
@@ -103,11 +107,14 @@ function advance(frames, hand) {
 /** What the page draws: all arrays are copies. */
 function state(wanted) {
   const [count, dim] = [core.count(player), core.dim()];
+  const numbers = now.rigid();
   const found = {
     frame: core.frame(player),
     positions: now.positions(),
     materials: bytesAt(core.materials(player), count),
     values: null,
+    rigid: numbers,
+    bodies: bodies.map(({ points }, body) => placedPoints(numbers, body, points, dim)),
     moved: solids.map(({ obstacle, points }) => {
       give(points);
       return numbersAt(core.moved(player, obstacle, points.length), points.length);
@@ -138,6 +145,7 @@ const orders = {
     [startFile, ways] = [await unpacked(start), await unpacked(path)];
     solids = moving;
     readEvery = about.readEvery;
+    bodies = about.rigid;
     if (about.probes.length > 0) readings = new Readings(about, now);
     forces = (2 * core.dim() + about.solids.length) * 3 * (core.dim() - 1);
     begin();
