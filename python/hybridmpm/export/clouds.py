@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.recording import Recording
+from hybridmpm.scene.particle_types import RIGID
+from hybridmpm.scene.rigid import placed, velocities_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +29,26 @@ class Cloud:
 
     @classmethod
     def of(cls, recording: Recording, row: int) -> Self:
-        """Take state `row` of a recording, with the particles that are there."""
+        """Take state `row` of a recording, with the particles that are there.
+
+        Rigid bodies come last, as points of type 0 that fill them.
+        """
         there = recording.present(row)
+        x, v = [recording.positions[row, there]], [recording.velocities[row, there]]
+        types = [recording.types[there]]
+        if recording.rigid is not None:
+            spacing = recording.spacing or recording.scene.spacing
+            for body, numbers in zip(recording.scene.rigid, recording.rigid[row], strict=True):
+                points = placed(body.filling(spacing), numbers)
+                x.append(points.astype(np.float32))
+                v.append(velocities_of(points, numbers).astype(np.float32))
+                types.append(np.full(len(points), RIGID, dtype=np.uint8))
         return cls(
             frame=int(recording.frames[row]),
             time=recording.time(row),
-            positions=recording.positions[row, there],
-            velocities=recording.velocities[row, there],
-            types=recording.types[there],
+            positions=np.concatenate(x),
+            velocities=np.concatenate(v),
+            types=np.concatenate(types),
         )
 
     def ply(self) -> bytes:

@@ -12,7 +12,7 @@ import numpy as np
 from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
 from hybridmpm.render import palette
-from hybridmpm.scene.particle_types import NAMES
+from hybridmpm.scene.particle_types import NAMES, RIGID
 
 
 def require_usd() -> tuple[ModuleType, ...]:
@@ -27,7 +27,7 @@ def require_usd() -> tuple[ModuleType, ...]:
 
 
 def write_usd(path: Path, recording: Recording) -> None:
-    """Write all states to one file: a prim of points for each material, with a sample for each state.
+    """Write all states to one file: points for each material, a mesh for each rigid body, sample by sample.
 
     Points have ids, velocities [m/s] and a width [m]; y is up and the unit is the metre. The time code of a
     state is its frame.
@@ -58,7 +58,33 @@ def write_usd(path: Path, recording: Recording) -> None:
             ]
             for attribute, values in samples:
                 attribute.Set(values, float(frame))
+    _write_bodies(stage, recording)
     stage.GetRootLayer().Export(str(path))
+
+
+def _write_bodies(stage: Any, recording: Recording) -> None:
+    """Add a mesh for each rigid body, which moves by its transformation: of flat polygons in 2D."""
+    if recording.rigid is None:
+        return
+    gf, _, geom, vt = require_usd()
+    for index, body in enumerate(recording.scene.rigid):
+        mesh = geom.Mesh.Define(stage, f"/particles/{NAMES[RIGID]}_{index}")
+        if recording.scene.dim == 2:
+            vertices = np.pad(body.own(body.outline()), [(0, 0), (0, 1)])
+            faces = np.arange(len(vertices), dtype=np.int32)[None]
+        else:
+            vertices, normals, faces = body.mesh()
+            mesh.CreateNormalsAttr(_vectors(vt, normals.astype(np.float32)))
+            mesh.SetNormalsInterpolation(geom.Tokens.vertex)
+        mesh.CreateSubdivisionSchemeAttr(geom.Tokens.none)
+        mesh.CreatePointsAttr(_vectors(vt, vertices.astype(np.float32)))
+        mesh.CreateFaceVertexCountsAttr(vt.IntArray([faces.shape[1]] * len(faces)))
+        mesh.CreateFaceVertexIndicesAttr(vt.IntArray.FromNumpy(faces.ravel()))
+        mesh.CreateDisplayColorAttr([gf.Vec3f(*map(float, palette.RIGID))])
+        place, turn = mesh.AddTranslateOp(geom.XformOp.PrecisionDouble), mesh.AddOrientOp()
+        for frame, numbers in zip(recording.frames.tolist(), recording.rigid[:, index].tolist(), strict=True):
+            place.Set(gf.Vec3d(*numbers[:3]), float(frame))
+            turn.Set(gf.Quatf(*numbers[3:7]), float(frame))
 
 
 def _vectors(vt: ModuleType, x: np.ndarray[Any, np.dtype[np.float32]]) -> Any:

@@ -19,7 +19,8 @@ from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
 from hybridmpm.render import palette
 from hybridmpm.scene.materials import Elastic
-from hybridmpm.scene.particle_types import GOOP, NAMES, SAND
+from hybridmpm.scene.particle_types import GOOP, NAMES, RIGID, SAND
+from hybridmpm.scene.rigid import RigidBody, placed, turn_of
 
 __all__ = ["Surface", "Surfaces", "require_meshing"]
 
@@ -35,7 +36,7 @@ _NORMAL_STEPS = 4
 
 _SPEED = 0.6 * palette.FAST
 """Speed [m/s] whose colour of the pictures the surfaces have."""
-_ROUGHNESS = {SAND: 0.95, GOOP: 0.5}
+_ROUGHNESS = {RIGID: 0.6, SAND: 0.95, GOOP: 0.5}
 _SMOOTH = 0.1
 """Roughness of the other types [-]."""
 
@@ -45,7 +46,7 @@ class Surface:
     """A closed surface with V vertices and T triangles."""
 
     name: str
-    """Material, and for an elastic body its index in `Scene.bodies`: "water", "elastic_2"."""
+    """Material, and the index in `Scene.bodies` or `Scene.rigid`: "water", "elastic_2", "rigid_0"."""
     type: int
     """DeepMind's particle type."""
     vertices: npt.NDArray[np.float32]
@@ -63,7 +64,7 @@ class Surface:
 
 
 class Surfaces:
-    """Surfaces of the states of a recording, one for each liquid or sand and one for each elastic body.
+    """Surfaces of the states of a recording: of each liquid or sand, and of each elastic or rigid body.
 
     Emitted elastic matter, and elastic bodies of a coarse simulation, share a surface named "elastic".
 
@@ -99,6 +100,9 @@ class Surfaces:
                 x = recording.positions[row, there & members]
                 if len(x):
                     found.append(self._surface(name, kind, x))
+        if recording.rigid is not None:
+            pairs = zip(recording.scene.rigid, recording.rigid[row], strict=True)
+            found += [_rigid(index, *pair) for index, pair in enumerate(pairs)]
         return tuple(found)
 
     def _parts(self, kind: int) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
@@ -145,6 +149,18 @@ class Surfaces:
             normals=_normals(vertices.astype(np.float64), triangles),
             triangles=triangles,
         )
+
+
+def _rigid(index: int, body: RigidBody, numbers: npt.NDArray[np.float64]) -> Surface:
+    """Return the surface of a rigid body with its numbers (13,)."""
+    vertices, normals, triangles = body.mesh()
+    return Surface(
+        name=f"{NAMES[RIGID]}_{index}",
+        type=RIGID,
+        vertices=placed(vertices, numbers).astype(np.float32),
+        normals=(normals @ turn_of(numbers).T).astype(np.float32),
+        triangles=triangles,
+    )
 
 
 def _normals(vertices: npt.NDArray[np.float64], triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:

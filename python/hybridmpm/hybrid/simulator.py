@@ -304,7 +304,7 @@ class HybridSimulator(CoarseSimulator):
 
 def _check_scene(scene: Scene) -> None:
     """Raise `ConfigError` for scenes that a network on a fixed set of particles cannot simulate."""
-    scene.refuse_rigid("networks are")
+    scene.refuse_rigid("networks are", "none has learned their motion")
     if scene.is_open:
         raise ConfigError(
             "a network needs a fixed number of particles: remove emitters and sinks, or use MpmSolver"

@@ -87,7 +87,7 @@ class NeuralModel(ServedNetwork):
             raise ConfigError(
                 f"{self._for()}, with {material.kind} of {name} {known}; the scene's has {name} {value:g}"
             )
-        scene.refuse_rigid("networks are")
+        scene.refuse_rigid("networks are", "none has learned their motion")
         if scene.obstacles and not trained.obstacles:
             raise ConfigError(f"{self._for()}, without obstacles; the scene has {len(scene.obstacles)}")
         if any(obstacle.motion is not None for obstacle in scene.obstacles):

@@ -217,7 +217,7 @@ def _estimates(
     scene: Scene, matching: MatchingScenarios, known: Calibration, measure: str
 ) -> Iterator[tuple[Estimate, Candidate]]:
     """Yield each candidate that the scene allows, with its estimate."""
-    scene.refuse_rigid("plans are")
+    scene.refuse_rigid("plans are", "errors were measured in scenes without them")
     by_name = [candidates(scenario) for scenario in matching.names]
     for name, candidate in by_name[0].items():
         if not all(name in one for one in by_name) or (candidate.model and not matching.learned):

@@ -4,6 +4,7 @@ import math
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from hybridmpm import _core
@@ -99,19 +100,29 @@ class Rigid(Shaped):
         center, turn = self._placed(numbers)
         return np.asarray((x - center) @ turn + self.mass_center)
 
+    def own(self, x: Points) -> Points:
+        """Return points (N, D) of the body at the start in its own frame [m]: from the centre, not turned.
+
+        A body with other numbers has them at its centre plus its turn times these.
+        """
+        return np.asarray((x - self.mass_center) @ self._start_turn())
+
+    def filling(self, spacing: float) -> Points:
+        """Return a lattice of points (K, D) that fills the body, in its own frame [m]; K is at least 1."""
+        lower, upper = self.bounds
+        count = math.ceil(float(np.linalg.norm(upper - lower)) / spacing)
+        axis = (np.arange(2 * count + 1) - count) * spacing
+        own = np.stack(np.meshgrid(*[axis] * len(lower), indexing="ij"), axis=-1).reshape(-1, len(lower))
+        at_start = own @ self._start_turn().T + self.mass_center
+        inside = self.to_native().signed_distance(at_start.astype(np.float32)) < 0
+        # The middle of a body that is smaller than the lattice is all that there is of it.
+        return own[inside | ~own.any(axis=1)]
+
     def _placed(self, numbers: Points) -> tuple[Points, Points]:
         """Return the centre of mass (D,) [m] and the matrix (D, D) of the turn since the start."""
-        w, x, y, z = numbers[3:7]
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
         start = self._start_turn()
         dim = len(start)
-        return numbers[:dim], turn[:dim, :dim] @ start.T
+        return numbers[:dim], turn_of(numbers)[:dim, :dim] @ start.T
 
     def _start_turn(self) -> Points:
         """Return the matrix (D, D) that turns the body's own frame as it is at the start."""
@@ -130,6 +141,17 @@ class Rigid(Shaped):
     def outline(self) -> Points:
         """Return the corners (K, 2) around the body at the start as seen along z [m], in order."""
         return _around(self._corners()[:, :2])
+
+    def mesh(self) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+        """Return the surface of a body in 3D as a mesh in the body's own frame.
+
+        Returns
+        -------
+        float64 (V, 3), float64 (V, 3), int32 (T, 3)
+            Vertices [m], unit normals out of the body, and triangles, anticlockwise as seen from outside.
+            Flat faces share no vertices, so that edges are sharp.
+        """
+        raise NotImplementedError
 
     def _corners(self) -> Points:
         """Corners (K, D) at the start whose hull is the body [m]; round ones have many."""
@@ -153,6 +175,40 @@ class Rigid(Shaped):
             "friction": self.friction,
             "restitution": self.restitution,
         }
+
+
+def turn_of(numbers: Points) -> Points:
+    """Return the matrices (..., 3, 3) of turns from a body's own frame, of numbers (..., 13) of a body."""
+    w, x, y, z = np.moveaxis(numbers[..., 3:7], -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def placed(own: Points, numbers: Points) -> Points:
+    """Return where points (K, D) of a body's own frame are (..., K, D) [m], by its numbers (..., 13)."""
+    dim = own.shape[1]
+    turn = turn_of(numbers)[..., :dim, :dim]
+    return np.asarray(own @ np.swapaxes(turn, -1, -2) + numbers[..., None, :dim])
+
+
+def velocities_of(x: Points, numbers: Points) -> Points:
+    """Return the velocities (K, D) [m/s] of a body with numbers (13,) at points (K, D) [m]."""
+    dim = x.shape[1]
+    arms = np.pad(x - numbers[:dim], [(0, 0), (0, 3 - dim)])
+    return np.asarray(numbers[7 : 7 + dim] + np.cross(numbers[10:13], arms)[:, :dim])
+
+
+def _flat(corners: Points, triangles: npt.NDArray[np.int32]) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+    """Return a mesh of triangles (T, 3) of corners (V, 3) that share no vertices; see `Rigid.mesh`."""
+    vertices = corners[triangles]
+    across = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])
+    normals = across / np.linalg.norm(across, axis=1, keepdims=True)
+    numbers = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+    return vertices.reshape(-1, 3), np.repeat(normals, 3, axis=0), numbers
 
 
 def _around(points: Points) -> Points:
@@ -207,6 +263,15 @@ class RigidBox(BoxShape, Rigid):
         """Return the half sides; see `Rigid.solid`."""
         return {"shape": self.shape, "half": [side / 2 for side in self.extents]}
 
+    def mesh(self) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+        """Return the surface as a mesh; see `Rigid.mesh`."""
+        half = np.array(self.extents) / 2
+        corners = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * half
+        # The corners are numbered by the signs of z, y and x.
+        faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        triangles = [triangle for a, b, c, d in faces for triangle in ((a, b, c), (a, c, d))]
+        return _flat(corners, np.array(triangles, dtype=np.int32))
+
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
         return _core.RigidBody.box(self.lower, self.upper, **self._numbers(len(self.lower)))
@@ -229,6 +294,30 @@ class RigidBall(BallShape, Rigid):
     def solid(self) -> dict[str, Any]:
         """Return the radius; see `Rigid.solid`."""
         return {"shape": self.shape, "radius": self.radius}
+
+    def mesh(self) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+        """Return the surface as a mesh; see `Rigid.mesh`."""
+        rings, sides = 24, 48
+        down = np.linspace(0, np.pi, rings + 1)[1:-1, None]
+        around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+        ring = np.stack(
+            [np.sin(down) * np.sin(around), np.cos(down) + 0 * around, np.sin(down) * np.cos(around)], axis=-1
+        )
+        normals = np.concatenate([[[0.0, 1.0, 0.0]], ring.reshape(-1, 3), [[0.0, -1.0, 0.0]]])
+        triangles = []
+        for side in range(sides):
+            after = (side + 1) % sides
+            triangles.append((0, 1 + side, 1 + after))
+            for upper in range(1, 1 + (rings - 2) * sides, sides):
+                a, b, c, d = upper + side, upper + sides + side, upper + sides + after, upper + after
+                triangles += [(a, b, c), (a, c, d)]
+            last = 1 + (rings - 2) * sides
+            triangles.append((last + side, len(normals) - 1, last + after))
+        # The polyhedron has the ball's volume.
+        faces = np.array(triangles, dtype=np.int32)
+        one, two, three = (normals[faces[:, corner]] for corner in range(3))
+        volume = np.einsum("ij,ij->", one, np.cross(two, three)) / 6
+        return normals * self.radius * (4 / 3 * np.pi / volume) ** (1 / 3), normals, faces
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
@@ -267,6 +356,30 @@ class RigidCylinder(CylinderShape, Rigid):
     def solid(self) -> dict[str, Any]:
         """Return radius and half the length; see `Rigid.solid`."""
         return {"shape": self.shape, "radius": self.radius, "half": math.dist(self.start, self.end) / 2}
+
+    def mesh(self) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+        """Return the surface as a mesh; see `Rigid.mesh`."""
+        sides, half = 64, float(np.linalg.norm(np.array(self.end) - self.start)) / 2
+        around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+        out = np.stack([np.sin(around), 0 * around, np.cos(around)], axis=1)
+        # The prism has the cylinder's volume.
+        radius = self.radius * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+        lower, upper = radius * out - [0, half, 0], radius * out + [0, half, 0]
+        here = np.arange(sides, dtype=np.int32)
+        after = (here + 1) % sides
+        sheet = np.concatenate(
+            [
+                np.stack([here, after, after + sides], axis=1),
+                np.stack([here, after + sides, here + sides], axis=1),
+            ]
+        )
+        fan = np.stack([0 * here[1:-1], here[1:-1], after[1:-1]], axis=1)
+        up = np.tile([0.0, 1.0, 0.0], (sides, 1))
+        return (
+            np.concatenate([lower, upper, upper, lower]),
+            np.concatenate([out, out, up, -up]),
+            np.concatenate([sheet, fan + 2 * sides, fan[:, ::-1] + 3 * sides]).astype(np.int32),
+        )
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""
@@ -320,6 +433,11 @@ class RigidHull(Rigid):
             return {"shape": self.shape, "corners": (_around(np.array(self.points)) - native.center).tolist()}
         corners, triangles = surface
         return {"shape": self.shape, "corners": corners, "triangles": triangles}
+
+    def mesh(self) -> tuple[Points, Points, npt.NDArray[np.int32]]:
+        """Return the surface as a mesh; see `Rigid.mesh`."""
+        corners, triangles = self.to_native().surface() or ([], [])
+        return _flat(np.array(corners), np.array(triangles, dtype=np.int32))
 
     def to_native(self) -> _core.RigidBody:
         """Build the core's rigid body."""

@@ -240,10 +240,6 @@ class Scene(Record):
                 room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
                 text = f"must lie inside the walls, {room} m, but spans {span} m"
                 faults.append((("rigid", i, body.shape), text))
-        for i, obstacle in enumerate(self.obstacles):
-            if self.rigid and obstacle.shape in ("polygon", "mesh"):
-                text = "is not met by rigid bodies: make it of boxes, balls, cylinders and segments"
-                faults.append((("obstacles", i, obstacle.shape), text))
         return faults
 
     def _emitter_faults(self) -> list[Fault]:
@@ -292,12 +288,12 @@ class Scene(Record):
             f'<figure style="margin: 0">{drawing}<figcaption>{html.escape(repr(self))}</figcaption></figure>'
         )
 
-    def refuse_rigid(self, what: str) -> None:
+    def refuse_rigid(self, what: str, reason: str) -> None:
         """Refuse a scene with rigid bodies, by a ConfigError, for what does not know them."""
         if self.rigid:
             raise ConfigError(
-                f"{what} not made for rigid bodies yet, and the scene has {len(self.rigid)}: remove `rigid`, "
-                "or use MpmSolver(scene)"
+                f"{what} not made for rigid bodies, and the scene has {len(self.rigid)}: {reason}. Remove "
+                "`rigid`, or use MpmSolver(scene)"
             )
 
     @property

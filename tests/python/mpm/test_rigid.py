@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,11 @@ import pytest
 from hybridmpm import (
     Box,
     BoxObstacle,
+    CoarseWarning,
     ConfigError,
+    MeshObstacle,
     MpmSolver,
+    PolygonObstacle,
     RigidBall,
     RigidBox,
     RigidCylinder,
@@ -20,10 +24,13 @@ from hybridmpm import (
     SceneError,
     Water,
     check,
+    data,
+    export,
     plan,
-    play,
 )
-from hybridmpm.recording import record
+from hybridmpm.control import Arrow, prepare
+from hybridmpm.data.generation.solids import Solids
+from hybridmpm.recording import Recording, record
 from hybridmpm.render import view_of
 from hybridmpm.scene import HalfSpaceObstacle
 
@@ -166,6 +173,129 @@ def test_recordings_have_the_bodies_and_pictures_show_them(dim: int) -> None:
     assert body.at_start(moved, recording.rigid[2, 0]) == pytest.approx(corners)
 
 
+SHAPES = [
+    RigidBox(lower=(0.2, 0.6, 0.2), upper=(0.35, 0.7, 0.3), rotation=(0.3, 0.2, 0.1), velocity=(1, 0, 0)),
+    RigidBall(center=(0.5, 0.65, 0.5), radius=0.06, angular_velocity=(0, 0, 30)),
+    RigidCylinder(start=(0.7, 0.6, 0.7), end=(0.7, 0.7, 0.75), radius=0.05, angular_velocity=(20, 0, 0)),
+    RigidHull(points=((0.7, 0.6, 0.2), (0.8, 0.6, 0.2), (0.75, 0.6, 0.3), (0.75, 0.7, 0.25))),
+]
+
+
+def _falling() -> Recording:
+    water = Box(lower=(0.1, 0.1, 0.1), upper=(0.9, 0.2, 0.9), material=Water())
+    return record(MpmSolver(Scene(dim=3, resolution=24, bodies=[water], rigid=SHAPES)), 30, every=15)
+
+
+@pytest.mark.needs("pysplashsurf", "surfaces")
+def test_surfaces_and_clouds_have_the_bodies() -> None:
+    recording = _falling()
+    cloud = export.Cloud.of(recording, -1)
+    points = cloud.positions[cloud.types == 0]
+    found = {one.name: one for one in export.Surfaces(recording).at(-1)}
+    assert [name for name in found if name.startswith("rigid")] == [f"rigid_{i}" for i in range(4)]
+    sizes = []
+    for index, body in enumerate(SHAPES):
+        surface, numbers = found[f"rigid_{index}"], recording.rigid[-1, index]
+        assert surface.volume == pytest.approx(body.mass / body.density, rel=1e-3)
+        native, own = body.to_native(), body.at_start(surface.vertices.astype(float), numbers)
+        away = native.signed_distance(own.astype(np.float32))
+        assert away == pytest.approx(0, abs=0.02 * 0.06)
+        outside = body.at_start(surface.vertices + 1e-3 * surface.normals, numbers).astype(np.float32)
+        assert (native.signed_distance(outside) > away).all()
+        sizes.append(len(body.filling(recording.scene.spacing)))
+    assert len(points) == sum(sizes)
+    assert len(points) * recording.scene.spacing**3 == pytest.approx(
+        sum(body.mass / body.density for body in SHAPES), rel=0.1
+    )
+    # The ball turns about itself.
+    ball = slice(sizes[0], sizes[0] + sizes[1])
+    arms = points[ball] - recording.rigid[-1, 1, :3]
+    wanted = recording.rigid[-1, 1, 7:10] + np.cross(recording.rigid[-1, 1, 10:], arms)
+    assert cloud.velocities[cloud.types == 0][ball] == pytest.approx(wanted, abs=1e-4)
+
+
+@pytest.mark.needs("pxr", "usd")
+def test_usd_has_a_mesh_for_each_body(tmp_path: Path) -> None:
+    from pxr import Usd, UsdGeom
+
+    recording = _falling()
+    export.save(tmp_path / "film.usdc", recording)
+    stage = Usd.Stage.Open(str(tmp_path / "film.usdc"))
+    for index, body in enumerate(SHAPES):
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/particles/rigid_{index}"))
+        placed = mesh.ComputeLocalToWorldTransform(float(recording.frames[-1]))
+        points = np.array([placed.Transform(point) for point in mesh.GetPointsAttr().Get()])
+        at_start = body.at_start(points, recording.rigid[-1, index]).astype(np.float32)
+        assert body.to_native().signed_distance(at_start) == pytest.approx(0, abs=0.02 * 0.06)
+        assert len(mesh.GetFaceVertexIndicesAttr().Get()) == sum(mesh.GetFaceVertexCountsAttr().Get())
+
+
+def test_data_sets_have_the_bodies_as_particles_of_type_0() -> None:
+    body = _box(0.5, 0.6, 0.2, 0.1, rotation=0.3, angular_velocity=5.0, density=700)
+    scene = _pool(body, level=0.2)
+    solver = MpmSolver(scene)
+    recording = record(solver, 40, every=20)
+    trajectory = Solids.of(scene, 1.0).trajectory(
+        solver, recording.positions, force=None, seed=3, rigid=recording.rigid
+    )
+    assert isinstance(trajectory, data.Trajectory)
+    rigid = trajectory.types == 0
+    assert rigid.sum() * scene.spacing**2 == pytest.approx(0.02, rel=0.15)
+    assert trajectory.mass is not None
+    assert trajectory.mass[rigid].sum() == pytest.approx(body.mass)
+    x = trajectory.positions[:, rigid].astype(float)
+    assert x.mean(axis=1) == pytest.approx(recording.rigid[:, 0, :2], abs=scene.spacing)
+    apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=3)
+    assert apart == pytest.approx(np.broadcast_to(apart[0], apart.shape), abs=1e-5)
+
+
+def test_coarse_mode_shows_the_material_outside_of_bodies() -> None:
+    body = _box(0.5, 0.55, 0.3, 0.12, density=500)
+    scene = _pool(body, resolution=64)
+    with pytest.warns(CoarseWarning, match=r"rigid\[0\] \(box\) is .* cells of coarse level"):
+        coarse = MpmSolver(scene, coarse="1/16")
+    whole = MpmSolver(scene)
+    for solver in (coarse, whole):
+        solver.advance(158)
+    heights = [solver.rigid_bodies.center[0, 1] for solver in (coarse, whole)]
+    assert heights[0] == pytest.approx(heights[1], abs=0.02)
+    assert coarse.particle_count == whole.particle_count > 8 * coarse._coarse.particle_count
+    # Between two updates, too.
+    own = body.at_start(coarse.positions.astype(float), coarse.rigid_numbers()[0])
+    assert body.to_native().signed_distance(own.astype(np.float32)).min() > -0.1 * scene.dx
+
+
+def test_bodies_lie_on_polygons_and_meshes() -> None:
+    # A bowl with water in it; the ball rolls down its rim.
+    corners = ((0.1, 0.5), (0.3, 0.2), (0.6, 0.2), (0.8, 0.5), (0.9, 0.5), (0.9, 0.1), (0.1, 0.1))
+    bowl = PolygonObstacle(vertices=corners)
+    ball = RigidBall(center=(0.175, 0.5), radius=0.05, density=3000)
+    box = _box(0.45, 0.25, 0.1, 0.1, density=3000)
+    water = Box(lower=(0.3, 0.2), upper=(0.6, 0.25), material=Water())
+    solver = MpmSolver(Scene(dim=2, resolution=32, bodies=[water], rigid=[ball, box], obstacles=[bowl]))
+    solver.advance(600)
+    (ball_x, ball_y), (box_x, box_y) = solver.rigid_bodies.center
+    assert ball_y == pytest.approx(0.25, abs=1e-3)
+    assert box_y == pytest.approx(0.25, abs=1e-3)
+    assert 0.32 < ball_x < box_x < 0.56
+    # A wedge whose side of 30 degrees leads down along x.
+    rise = 0.5 * math.tan(math.radians(30))
+    outline = [(0.1, 0.2), (0.6, 0.2), (0.1, 0.2 + rise)]
+    vertices = [(*corner, z) for z in (0.3, 0.7) for corner in outline]
+    triangles = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)]
+    wedge = MeshObstacle(vertices=vertices, triangles=triangles)
+    normal = np.array([0.5, math.sqrt(0.75), 0])
+    place = np.array([0.2, 0.2 + rise * 0.8, 0.5]) + 0.05 * normal
+    body = RigidBox(
+        lower=tuple(place - 0.05), upper=tuple(place + 0.05), rotation=(0, 0, -math.pi / 6), friction=0.2
+    )
+    drop = Box(lower=(0.8, 0.1, 0.8), upper=(0.9, 0.2, 0.9), material=Water())
+    slides = MpmSolver(Scene(dim=3, resolution=16, bodies=[drop], rigid=[body], obstacles=[wedge]))
+    slides.advance(100)
+    path = np.linalg.norm(slides.rigid_bodies.center[0] - place)
+    assert path == pytest.approx(0.5 * 9.81 * (0.5 - 0.2 * math.sqrt(0.75)) * 0.25**2, rel=0.03)
+
+
 def test_a_cylinder_is_where_the_scene_has_it() -> None:
     body = RigidCylinder(start=(0.3, 0.5, 0.4), end=(0.5, 0.6, 0.7), radius=0.05, rotation=(0.2, 0.3, 0.4))
     water = Box(lower=(0.1, 0.1, 0.1), upper=(0.9, 0.2, 0.9), material=Water())
@@ -209,12 +339,15 @@ def test_bodies_that_overlap_are_refused() -> None:
 
 def test_what_does_not_know_rigid_bodies_says_so() -> None:
     scene = _pool(_box(0.5, 0.6, 0.2, 0.2))
-    for refused in (
-        lambda: MpmSolver(scene, coarse="1/16"),
-        lambda: plan(scene, max_error=0.5),
-        lambda: play(scene),
+    sketch = Arrow(points=np.array([[0.3, 0.3], [0.6, 0.3]]))
+    for refused, reason in (
+        (lambda: plan(scene, max_error=0.5), "errors were measured in scenes without them"),
+        (
+            lambda: prepare(MpmSolver(scene), sketch, "analytic", frames=30),
+            "ways lead around solids whose places are known",
+        ),
     ):
-        with pytest.raises(ConfigError, match="not made for rigid bodies yet"):
+        with pytest.raises(ConfigError, match=f"not made for rigid bodies, .*: {reason}"):
             refused()
 
 

@@ -30,7 +30,7 @@ class Room:
     """
 
     def __init__(self, scene: Scene, time: float) -> None:
-        scene.refuse_rigid("control is")
+        scene.refuse_rigid("control is", "ways lead around solids whose places are known beforehand")
         self.lower: Floats = np.array(scene.walls.lower)
         """Corner of the walls with the smallest coordinates (D,) [m]."""
         self.upper: Floats = np.array(scene.walls.upper)

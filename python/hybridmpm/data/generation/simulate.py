@@ -32,8 +32,8 @@ class StoppedError(Exception):
 def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: False) -> Trajectory:
     """Simulate the scene of a seed; with `recipe.control` back to where it came from, see `controlled`.
 
-    The trajectory has the particles of the solver first, then the obstacles as particles of type 3
-    (kinematic). `stop()` is called every few frames.
+    The trajectory has the particles of the solver first, then the rigid bodies as particles of type 0, each
+    in one piece, then the obstacles as particles of type 3 (kinematic). `stop()` is called every few frames.
 
     Raises
     ------
@@ -56,21 +56,21 @@ def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: Fa
     positions = np.empty((recipe.states, solver.particle_count, scene.dim), dtype=np.float32)
     force = np.zeros((recipe.states - 1, *positions.shape[1:]), dtype=np.float32) if recipe.force else None
     stirring = RandomForce(scene.dim, recipe.force, seed)
-    positions[0] = solver.positions
+    rigid = np.empty((recipe.states, len(scene.rigid), 13))
+    positions[0], rigid[0] = solver.positions, solver.rigid_numbers()
     for state in range(1, recipe.states):
         if force is not None:
             force[state - 1] = stirring.at(positions[state - 1], solver.time)
             solver.advance(1, force[state - 1])
         else:
             _advance(solver, recipe.stride, stop)
-        positions[state] = solver.positions
+        positions[state], rigid[state] = solver.positions, solver.rigid_numbers()
         if state % _AT_ONCE == 0 and stop():
             raise StoppedError
-    return solids.trajectory(solver, positions, force=force, seed=seed)
+    return solids.trajectory(solver, positions, force=force, seed=seed, rigid=rigid)
 
 
 def _solver(scene: Scene, recipe: Recipe) -> MpmSolver:
-    scene.refuse_rigid("data sets are")
     if scene.emitters or scene.sinks:
         raise ConfigError("a trajectory has the same particles throughout: remove emitters and sinks")
     return MpmSolver(scene, substeps=recipe.substeps, r_p=recipe.r_p)
