@@ -20,6 +20,7 @@ from hybridmpm_lab.validation import (
     hopper,
     poured_heap,
     rebound,
+    rigid_bodies,
     rolling,
     rotation,
     round_columns,
@@ -47,6 +48,7 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),
     "viscous_flow": lambda: viscous_flow.run((64,), 3.0),
+    "rigid_bodies": lambda: rigid_bodies.run((500.0,), (6.0, 2.0, 3.0)),
 }
 """Cases without their finest grids or longest runs, to save time; the command runs them in full."""
 
@@ -60,7 +62,8 @@ LONGER: dict[str, Callable[[], Result]] = {
 
 
 SLOW = (
-    "column_collapse", "drum", "floating", "hopper", "poured_heap", "rotation", "round_columns", "torricelli",
+    "column_collapse", "drum", "floating", "hopper", "poured_heap", "rigid_bodies", "rotation",
+    "round_columns", "torricelli",
 )  # fmt: skip
 """Cases whose short form takes three seconds or more."""
 

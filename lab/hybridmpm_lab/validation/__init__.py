@@ -19,6 +19,7 @@ from hybridmpm_lab.validation import (
     hydrostatic,
     poured_heap,
     rebound,
+    rigid_bodies,
     rolling,
     rotation,
     round_columns,
@@ -49,6 +50,7 @@ CASES: dict[str, Callable[[], Result]] = {
     "rotation": rotation.run,
     "colliding_discs": colliding_discs.run,
     "free_fall": free_fall.run,
+    "rigid_bodies": rigid_bodies.run,
     "viscous_flow": viscous_flow.run,
     "stability_limit": stability_limit.run,
 }
