@@ -1,11 +1,13 @@
 """Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`.
 
-`python tests/browser/screenshots.py gallery` draws the pictures of the gallery's lessons and scenes instead.
+`python tests/browser/screenshots.py gallery` draws the pictures of the gallery's lessons and scenes instead, or those
+of the names that follow.
 """
 
 import base64
 import io
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from conftest import CHROMIUM_FLAGS, PATIENCE_MS, LiveService, Visit, find_chromium
@@ -20,6 +22,7 @@ GALLERY = PREVIEW.parents[1] / "gallery"
 GALLERY_FRAMES = {
     "communicating-vessels": 170,
     "torricelli": 150,
+    "archimedes": 90,
     "dam-break": 90,
     "hourglass": 400,
     "angle-of-repose": 1500,
@@ -30,6 +33,7 @@ GALLERY_FRAMES = {
     "dam-and-gate": 170,
     "sand-and-water": 120,
     "jelly": 150,
+    "rigid-bodies": 170,
     "viscous-liquids": 240,
     "cascade": 700,
     "letters": 110,
@@ -68,9 +72,10 @@ def _go_to(visit: Visit, service: LiveService, frames: int) -> None:
     visit.page.wait_for_timeout(1500)
 
 
-def _draw_gallery(browser: Browser, service: LiveService) -> None:
-    """Draw each entry as the page shows it, so that all have one style."""
-    for name, frames in GALLERY_FRAMES.items():
+def _draw_gallery(browser: Browser, service: LiveService, names: Iterable[str]) -> None:
+    """Draw entries as the page shows them, so that all have one style."""
+    for name in names:
+        frames = GALLERY_FRAMES[name]
         query = f"theme=dark&simulate=server&gallery={name}"
         visit = _open(browser, service, query, {"width": 1100, "height": 700}, 1)
         _go_to(visit, service, frames)
@@ -112,8 +117,8 @@ def main() -> None:
     IMAGES.mkdir(parents=True, exist_ok=True)
     with LiveService() as service, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
-        if sys.argv[1:] == ["gallery"]:
-            _draw_gallery(browser, service)
+        if sys.argv[1:2] == ["gallery"]:
+            _draw_gallery(browser, service, sys.argv[2:] or GALLERY_FRAMES)
             return
 
         desktop = _open(browser, service, "scenario=water_2d&seed=0", {"width": 1440, "height": 900}, 1)

@@ -19,6 +19,7 @@ LESSONS = json.loads(ENTRIES.read_text(encoding="utf-8"))["lessons"]
 CASES = {
     "communicating-vessels": (1920, 120, 0.04),
     "torricelli": (204, 4, 0.1),
+    "archimedes": (1600, 40, 0.03),
     "dam-break": (100, 10, 0.05),
     "hourglass": (560, 40, 0.05),
     "angle-of-repose": (2200, 200, 0.05),

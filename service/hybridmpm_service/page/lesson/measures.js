@@ -34,6 +34,20 @@ export const MEASURES = {
   levels: {
     read: ({ columns, floor, exact }, { frame, spacing }) => ({ values: columns.map((across) => level(frame, spacing, across, floor)), exact }),
   },
+  /** Part of the height of a rigid body that is below the water beside it, and its mean over the latest while. */
+  submerged: {
+    read({ body, side, columns, exact }, { frame, spacing }) {
+      if (frame.poses === null) return null;
+      const bottom = frame.poses[3 * body + 1] - side / 2;
+      const depths = columns.map((across) => level(frame, spacing, across, bottom));
+      return { values: [depths.reduce((sum, depth) => sum + depth, 0) / depths.length / side], exact };
+    },
+    figures({ exact, seconds }, series) {
+      const late = series.filter(({ time }) => time >= series.at(-1).time - seconds);
+      const mean = late.reduce((sum, { values: [value] }) => sum + value, 0) / late.length;
+      return { measured: late.length === 0 ? [] : [mean], exact };
+    },
+  },
   /** Speed of a jet, beside sqrt(2 g h) of the level over the hole. */
   jet: {
     read({ outside, from, to, tank, floor, hole }, { frame, before, spacing }) {
