@@ -41,7 +41,8 @@ LIMITS = {
     # 25 lines let tabs follow sketches.
     # 290 lines pull at rigid bodies, and send where they are.
     # 370 lines fill closed surfaces.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 42_100),
+    # 330 lines take rigid bodies into playing files, coarse mode, data sets, surfaces, clouds and USD.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 42_430),
     # 100 lines are for networks of one's own, and for lines of progress.
     # 12 lines pass the command `key` on to the service; 55 film runs of the page; 95 read goals.
     # 10 lines pass rigid bodies on to pictures.
@@ -62,7 +63,8 @@ LIMITS = {
     # 285 lines draw twenty outlines, and measure several goals in turn;
     # 125 draw a sheet of them, and time plans.
     # 155 lines time what obstacles and touching bodies cost; 135 bend a beam and turn a drum.
-    "laboratory": (("lab/**.py",), 10_590),
+    # 240 lines let rigid bodies float, slide, roll, tip and stand.
+    "laboratory": (("lab/**.py",), 10_830),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -119,8 +121,9 @@ LIMITS = {
     # 130 lines follow sketches in tabs.
     # 560 lines send rigid bodies to viewers, place them, and pull at them.
     # 180 lines fill closed surfaces.
-    "tests": (("tests/**.py",), 38_380),
-    "tests of the laboratory": (("tests/lab/**.py",), 2_060),
+    # 220 lines take rigid bodies into files of all kinds, onto meshes and into pages that play.
+    "tests": (("tests/**.py",), 38_610),
+    "tests of the laboratory": (("tests/lab/**.py",), 2_065),
 }
 """Patterns of git, and the most lines of the files that they match."""
 
