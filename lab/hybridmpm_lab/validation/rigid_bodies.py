@@ -63,9 +63,9 @@ def _floating(densities: Sequence[float], seconds: float) -> tuple[list[Check], 
 
 def _floating_in_space(seconds: float) -> Check:
     """Let a block float in a pool in 3D."""
-    block = RigidBox(lower=(0.16, 0.24, 0.16), upper=(0.36, 0.4, 0.36), density=500.0)
-    walls = Walls(lower=(0.0, 0.0, 0.0), upper=(0.52, 0.6, 0.52))
-    water = Box(material="water", lower=(0.0, 0.0, 0.0), upper=(0.52, 0.32, 0.52))
+    block = RigidBox(lower=(0.14, 0.22, 0.14), upper=(0.36, 0.42, 0.36), density=500.0)
+    walls = Walls(lower=(0.0, 0.0, 0.0), upper=(0.5, 0.6, 0.5))
+    water = Box(material="water", lower=(0.0, 0.0, 0.0), upper=(0.5, 0.3, 0.5))
     scene = Scene(dim=3, resolution=_RESOLUTION, walls=walls, bodies=[water], rigid=[block])
     error = _share(scene, seconds) / 0.5 - 1
     return Check.at_most("3D, 500 kg/m³: submerged share, relative error", error, _LAW)
