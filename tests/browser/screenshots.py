@@ -1,7 +1,7 @@
 """Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`.
 
-`python tests/browser/screenshots.py gallery` draws the pictures of the gallery's lessons and scenes instead, or those
-of the names that follow.
+`python tests/browser/screenshots.py gallery` draws the pictures of the gallery's lessons and scenes instead,
+or those of the names that follow.
 """
 
 import base64
