@@ -47,7 +47,7 @@ impl<const D: usize> Slope<D> {
     fn onto(solid: &Geometry, fixed: Fixed, bodies: Vec<(Body, Moving)>) -> Self {
         let (bodies, moving) = bodies.into_iter().unzip();
         Self {
-            world: World::new(bodies, &[solid.clone()]),
+            world: World::new(bodies, std::slice::from_ref(solid)),
             state: State {
                 bodies: moving,
                 kept: Vec::new(),
