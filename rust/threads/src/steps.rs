@@ -61,21 +61,22 @@ impl Team {
     pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
         // Uncontended: each item is locked by the one thread that took its number.
         let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();
-        self.in_steps(items.len(), &[Step::ALL], |_, item| {
+        self.in_steps(&vec![1; items.len()], &[Step::ALL], |_, item| {
             work(&mut items[item].lock().unwrap_or_else(PoisonError::into_inner));
         });
     }
 
-    /// Calls `work` with the number of each of up to six steps and of each of its items, out of `count`, on all free
-    /// threads.
+    /// Calls `work` with the number of each of up to six steps and of each of its items, on all free threads. `costs` has
+    /// the cost of each item beside that of others.
     ///
     /// An item starts a step when it and its two neighbours have finished all earlier steps; items further away may be
-    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call, so that their
-    /// memory is still in its cache. Then it helps threads with more items left.
+    /// steps ahead or behind. A thread works on consecutive items of about its part of all costs, the same in each step and
+    /// each call, so that their memory is still in its cache. Then it helps threads with more items left.
     ///
     /// # Panics
     /// Panics if `work` does.
-    pub fn in_steps(&self, count: usize, steps: &[Step], work: impl Fn(usize, usize) + Sync) {
+    pub fn in_steps(&self, costs: &[usize], steps: &[Step], work: impl Fn(usize, usize) + Sync) {
+        let count = costs.len();
         let items = |step: &Step| (step.first..count).step_by(step.stride);
         let Some(_caller) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
             for (number, step) in steps.iter().enumerate() {
@@ -84,9 +85,10 @@ impl Team {
             return;
         };
         let threads = self.size();
+        let cuts = cuts(costs, threads);
         let share = |thread: usize| Share {
-            first: thread * count / threads,
-            end: (thread + 1) * count / threads,
+            first: cuts[thread],
+            end: cuts[thread + 1],
             present: AtomicBool::new(false),
             taken: [const { AtomicUsize::new(0) }; MAX_STEPS],
         };
@@ -105,6 +107,24 @@ impl Team {
             }
         });
     }
+}
+
+/// Where the items of each thread begin, and behind the last thread their number: the cuts nearest to equal costs.
+fn cuts(costs: &[usize], threads: usize) -> Vec<usize> {
+    let total: usize = costs.iter().sum();
+    let mut cuts = vec![0];
+    let (mut item, mut before) = (0, 0);
+    for thread in 1..threads {
+        let wanted = thread * total / threads;
+        // The item that would pass the cut stays before it if that is nearer.
+        while item < costs.len() && before + costs[item] / 2 < wanted {
+            before += costs[item];
+            item += 1;
+        }
+        cuts.push(item);
+    }
+    cuts.push(costs.len());
+    cuts
 }
 
 impl Share {
@@ -164,10 +184,11 @@ mod tests {
         let steps = [Step::EVEN, Step::ODD, Step::ALL, Step::ALL];
         for (threads, count) in [(1, 5), (2, 1), (2, 2), (2, 16), (3, 7), (4, 16), (4, 3)] {
             let team = Team::new(threads).unwrap();
-            for _ in 0..300 {
+            for round in 0..300 {
+                let costs: Vec<_> = (0..count).map(|item| item * round % 7).collect();
                 // The steps that each item has been through, one bit each.
                 let through: Vec<_> = (0..count).map(|_| AtomicUsize::new(0)).collect();
-                team.in_steps(count, &steps, |number, item| {
+                team.in_steps(&costs, &steps, |number, item| {
                     let around = item.saturating_sub(1)..(item + 2).min(count);
                     for neighbour in around {
                         let expected = (0..number).filter(|&step| steps[step].includes(neighbour));
@@ -187,10 +208,21 @@ mod tests {
     }
 
     #[test]
+    fn threads_have_about_the_same_costs() {
+        assert_eq!(cuts(&[1; 8], 2), [0, 4, 8]);
+        assert_eq!(cuts(&[1; 15], 2), [0, 7, 15]);
+        assert_eq!(cuts(&[3, 2, 2, 2, 2, 3, 14], 2), [0, 6, 7]);
+        assert_eq!(cuts(&[14, 1, 1, 1], 2), [0, 1, 4]);
+        assert_eq!(cuts(&[2, 9, 9, 2, 2, 0], 3), [0, 2, 3, 6]);
+        assert_eq!(cuts(&[5, 0], 4), [0, 0, 0, 1, 2]);
+        assert_eq!(cuts(&[0, 0], 2), [0, 0, 2]);
+    }
+
+    #[test]
     fn a_panic_in_a_step_keeps_nobody_waiting() {
         let team = Team::new(2).unwrap();
         let attempt = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            team.in_steps(8, &[Step::ALL, Step::ALL], |number, item| {
+            team.in_steps(&[1; 8], &[Step::ALL, Step::ALL], |number, item| {
                 assert!(number == 1 || item != 5, "on purpose");
             });
         }));

@@ -30,6 +30,12 @@ impl ActiveSpans {
         &self.spans[self.starts[planes.start]..self.starts[planes.end]]
     }
 
+    /// Number of active nodes in some planes.
+    pub fn nodes(&self, planes: Range<usize>) -> usize {
+        let spans = self.of_planes(planes);
+        spans.iter().map(|span| span.hi - span.lo).sum()
+    }
+
     /// Puts together the spans of bands of planes that follow each other.
     pub fn gather(&mut self, bands: &[Band]) {
         self.spans.clear();

@@ -10,6 +10,8 @@ use threads::Step;
 pub struct Slab {
     pub lo: usize,
     pub hi: usize,
+    /// Cost of a substep, in that of a particle: what threads share out.
+    pub cost: usize,
 }
 
 impl Slab {
@@ -52,14 +54,25 @@ pub fn cut(per_plane: &[usize], walls: &[usize]) -> Vec<Slab> {
         let hi = plane + 1;
         let at_wall = walls.iter().any(|&wall| hi == wall || hi == wall + 1);
         if held >= share && hi - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS && !at_wall {
-            slabs.push(Slab { lo, hi });
+            slabs.push(Slab {
+                lo,
+                hi,
+                cost: held,
+            });
             (lo, held) = (hi, 0);
         }
     }
     match slabs.last_mut() {
         // The remainder joins the last slab if it is too thin for one of its own.
-        Some(last) if end - lo < MIN_PLANES || held == 0 => last.hi = end,
-        _ => slabs.push(Slab { lo, hi: end }),
+        Some(last) if end - lo < MIN_PLANES || held == 0 => {
+            last.hi = end;
+            last.cost += held;
+        }
+        _ => slabs.push(Slab {
+            lo,
+            hi: end,
+            cost: held,
+        }),
     }
     slabs
 }

@@ -60,7 +60,7 @@ impl Stage {
 }
 
 /// Fewer slabs are halved.
-const FEW_SLABS: usize = 8;
+const FEW_SLABS: usize = 12;
 
 /// From this number of particles on a stage takes so long that it may be interrupted between two slabs.
 const MANY_PARTICLES: usize = 1 << 16;
@@ -149,7 +149,8 @@ impl<const D: usize> Substep<'_, D> {
             numbered.map(move |(turn, &step)| ((stage, turn, steps.len()), step))
         };
         let (stages, steps): (Vec<_>, Vec<_>) = stages.copied().flat_map(of_stage).unzip();
-        team.in_steps(slabs.len(), &steps, |number, slab| {
+        let costs: Vec<_> = slabs.iter().map(|slab| slab.cost).collect();
+        team.in_steps(&costs, &steps, |number, slab| {
             if interruption.is_found() {
                 return;
             }

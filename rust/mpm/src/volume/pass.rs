@@ -61,7 +61,8 @@ impl<const D: usize> Pass<'_, D> {
             .iter()
             .filter(|(stage, _)| self.first || !across(*stage));
         let (stages, steps): (Vec<_>, Vec<_>) = needed.copied().unzip();
-        team.in_steps(slabs.len(), &steps, |number, slab| {
+        let costs: Vec<_> = slabs.iter().map(|slab| slab.cost).collect();
+        team.in_steps(&costs, &steps, |number, slab| {
             if interruption.is_found() {
                 return;
             }
