@@ -42,6 +42,7 @@ const MAX_STEPS: usize = 8;
 
 /// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb
 /// each other.
+#[derive(Debug, Default)]
 #[repr(align(128))]
 struct Share {
     first: usize,
@@ -53,8 +54,42 @@ struct Share {
 }
 
 /// Number of the last step that an item is through with, from 1 on.
+#[derive(Debug, Default)]
 #[repr(align(128))]
 struct Progress(AtomicUsize);
+
+/// What threads share out and where they are; kept to reuse its memory.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    shares: Vec<Share>,
+    progress: Vec<Progress>,
+}
+
+impl Scratch {
+    fn prepare(&mut self, costs: &[usize], threads: usize) {
+        self.shares.clear();
+        self.shares.resize_with(threads, Share::default);
+        share_out(costs, &mut self.shares);
+        self.progress.clear();
+        self.progress.resize_with(costs.len(), Progress::default);
+    }
+}
+
+/// Cuts consecutive items where the shares have the most equal costs.
+fn share_out(costs: &[usize], shares: &mut [Share]) {
+    let total: usize = costs.iter().sum();
+    let (threads, mut item, mut before) = (shares.len(), 0, 0);
+    for (thread, share) in shares.iter_mut().enumerate() {
+        share.first = item;
+        let wanted = (thread + 1) * total / threads;
+        // An item that lies on the cut belongs to where more of it is.
+        while item < costs.len() && (before + costs[item] / 2 < wanted || thread + 1 == threads) {
+            before += costs[item];
+            item += 1;
+        }
+        share.end = item;
+    }
+}
 
 impl Team {
     /// Calls `work` on each item, on all free threads.
@@ -78,28 +113,20 @@ impl Team {
     pub fn in_steps(&self, costs: &[usize], steps: &[Step], work: impl Fn(usize, usize) + Sync) {
         let count = costs.len();
         let items = |step: &Step| (step.first..count).step_by(step.stride);
-        let Some(_caller) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
+        let Some(mut scratch) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
             for (number, step) in steps.iter().enumerate() {
                 items(step).for_each(|item| work(number, item));
             }
             return;
         };
-        let threads = self.size();
-        let cuts = cuts(costs, threads);
-        let share = |thread: usize| Share {
-            first: cuts[thread],
-            end: cuts[thread + 1],
-            present: AtomicBool::new(false),
-            taken: [const { AtomicUsize::new(0) }; MAX_STEPS],
-        };
-        let shares: Vec<_> = (0..threads).map(share).collect();
-        let progress: Vec<_> = (0..count).map(|_| Progress(AtomicUsize::new(0))).collect();
+        scratch.prepare(costs, self.size());
+        let Scratch { shares, progress } = &*scratch;
         self.run(&|thread| {
             shares[thread].present.store(true, Ordering::Relaxed);
             for (number, step) in steps.iter().enumerate() {
-                for owner in (thread..threads).chain(0..thread) {
+                for owner in (thread..shares.len()).chain(0..thread) {
                     while let Some(item) = shares[owner].take(number, *step, owner == thread) {
-                        wait_for_neighbours(&progress, &steps[..number], item);
+                        wait_for_neighbours(progress, &steps[..number], item);
                         let _through = Through(&progress[item], number + 1);
                         work(number, item);
                     }
@@ -107,24 +134,6 @@ impl Team {
             }
         });
     }
-}
-
-/// Where the items of each thread begin, and behind the last thread their number: the cuts nearest to equal costs.
-fn cuts(costs: &[usize], threads: usize) -> Vec<usize> {
-    let total: usize = costs.iter().sum();
-    let mut cuts = vec![0];
-    let (mut item, mut before) = (0, 0);
-    for thread in 1..threads {
-        let wanted = thread * total / threads;
-        // The item that would pass the cut stays before it if that is nearer.
-        while item < costs.len() && before + costs[item] / 2 < wanted {
-            before += costs[item];
-            item += 1;
-        }
-        cuts.push(item);
-    }
-    cuts.push(costs.len());
-    cuts
 }
 
 impl Share {
@@ -209,13 +218,19 @@ mod tests {
 
     #[test]
     fn threads_have_about_the_same_costs() {
-        assert_eq!(cuts(&[1; 8], 2), [0, 4, 8]);
-        assert_eq!(cuts(&[1; 15], 2), [0, 7, 15]);
-        assert_eq!(cuts(&[3, 2, 2, 2, 2, 3, 14], 2), [0, 6, 7]);
-        assert_eq!(cuts(&[14, 1, 1, 1], 2), [0, 1, 4]);
-        assert_eq!(cuts(&[2, 9, 9, 2, 2, 0], 3), [0, 2, 3, 6]);
-        assert_eq!(cuts(&[5, 0], 4), [0, 0, 0, 1, 2]);
-        assert_eq!(cuts(&[0, 0], 2), [0, 0, 2]);
+        let ends = |costs: &[usize], threads| {
+            let mut scratch = Scratch::default();
+            scratch.prepare(costs, threads);
+            let ends = scratch.shares.iter().map(|share| share.end);
+            ends.collect::<Vec<_>>()
+        };
+        assert_eq!(ends(&[1; 8], 2), [4, 8]);
+        assert_eq!(ends(&[1; 15], 2), [7, 15]);
+        assert_eq!(ends(&[3, 2, 2, 2, 2, 3, 14], 2), [6, 7]);
+        assert_eq!(ends(&[14, 1, 1, 1], 2), [1, 4]);
+        assert_eq!(ends(&[2, 9, 9, 2, 2, 0], 3), [2, 3, 6]);
+        assert_eq!(ends(&[5, 0], 4), [0, 0, 1, 2]);
+        assert_eq!(ends(&[0, 0], 2), [0, 2]);
     }
 
     #[test]

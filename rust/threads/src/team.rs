@@ -18,6 +18,7 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use crate::error::ThreadError;
+use crate::steps::Scratch;
 
 /// How long an idle worker stays awake: longer than the pauses within a frame, shorter than those between frames.
 const AWAKE: Duration = Duration::from_micros(100);
@@ -28,7 +29,7 @@ pub struct Team {
     shared: Arc<Shared>,
     workers: usize,
     /// Held while work is handed out; a second caller then works alone.
-    caller: Mutex<()>,
+    caller: Mutex<Scratch>,
 }
 
 /// Called with the number of the thread, 0 for the caller.
@@ -80,7 +81,7 @@ impl Team {
         let mut team = Self {
             shared: Arc::clone(&shared),
             workers: 0,
-            caller: Mutex::new(()),
+            caller: Mutex::default(),
         };
         for index in 1..threads {
             let shared = Arc::clone(&shared);
@@ -100,10 +101,10 @@ impl Team {
     }
 
     /// Keeps other callers from handing out work; None while another one does so.
-    pub(crate) fn try_begin(&self) -> Option<MutexGuard<'_, ()>> {
+    pub(crate) fn try_begin(&self) -> Option<MutexGuard<'_, Scratch>> {
         match self.caller.try_lock() {
             Ok(caller) => Some(caller),
-            // The lock guards no data that a panic could have left half done.
+            // A panic leaves nothing half done that the next call does not write anew.
             Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
             Err(TryLockError::WouldBlock) => None,
         }

@@ -54,11 +54,7 @@ pub fn cut(per_plane: &[usize], walls: &[usize]) -> Vec<Slab> {
         let hi = plane + 1;
         let at_wall = walls.iter().any(|&wall| hi == wall || hi == wall + 1);
         if held >= share && hi - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS && !at_wall {
-            slabs.push(Slab {
-                lo,
-                hi,
-                cost: held,
-            });
+            slabs.push(Slab { lo, hi, cost: held });
             (lo, held) = (hi, 0);
         }
     }

@@ -60,7 +60,7 @@ impl Stage {
 }
 
 /// Fewer slabs are halved.
-const FEW_SLABS: usize = 12;
+const FEW_SLABS: usize = 8;
 
 /// From this number of particles on a stage takes so long that it may be interrupted between two slabs.
 const MANY_PARTICLES: usize = 1 << 16;
