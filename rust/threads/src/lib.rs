@@ -6,12 +6,13 @@
 
 mod error;
 mod pool;
+mod shares;
 mod steps;
 mod team;
 mod watch;
 
 pub use error::ThreadError;
 pub use pool::Pool;
-pub use steps::Step;
+pub use shares::Step;
 pub use team::Team;
 pub use watch::{interrupted, watched};

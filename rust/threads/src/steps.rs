@@ -1,95 +1,11 @@
 //! Items that threads share, in one step or in several that follow each other item by item.
 
 use std::hint::spin_loop;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
+use crate::shares::{Progress, Shares, Step};
 use crate::team::Team;
-
-/// Work on the items `first`, `first + stride` and so on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Step {
-    pub first: usize,
-    pub stride: usize,
-}
-
-impl Step {
-    pub const ALL: Self = Self {
-        first: 0,
-        stride: 1,
-    };
-    pub const EVEN: Self = Self {
-        first: 0,
-        stride: 2,
-    };
-    pub const ODD: Self = Self {
-        first: 1,
-        stride: 2,
-    };
-
-    fn includes(self, item: usize) -> bool {
-        item >= self.first && (item - self.first).is_multiple_of(self.stride)
-    }
-
-    /// Number of its items before this one.
-    fn count_before(self, item: usize) -> usize {
-        item.saturating_sub(self.first).div_ceil(self.stride)
-    }
-}
-
-/// Most steps of one call.
-const MAX_STEPS: usize = 8;
-
-/// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb
-/// each other.
-#[derive(Debug, Default)]
-#[repr(align(128))]
-struct Share {
-    first: usize,
-    end: usize,
-    /// Whether its thread has come.
-    present: AtomicBool,
-    /// Number of items of each step that have been taken.
-    taken: [AtomicUsize; MAX_STEPS],
-}
-
-/// Number of the last step that an item is through with, from 1 on.
-#[derive(Debug, Default)]
-#[repr(align(128))]
-struct Progress(AtomicUsize);
-
-/// What threads share out and where they are; kept to reuse its memory.
-#[derive(Debug, Default)]
-pub struct Scratch {
-    shares: Vec<Share>,
-    progress: Vec<Progress>,
-}
-
-impl Scratch {
-    fn prepare(&mut self, costs: &[usize], threads: usize) {
-        self.shares.clear();
-        self.shares.resize_with(threads, Share::default);
-        share_out(costs, &mut self.shares);
-        self.progress.clear();
-        self.progress.resize_with(costs.len(), Progress::default);
-    }
-}
-
-/// Cuts consecutive items where the shares have the most equal costs.
-fn share_out(costs: &[usize], shares: &mut [Share]) {
-    let total: usize = costs.iter().sum();
-    let (threads, mut item, mut before) = (shares.len(), 0, 0);
-    for (thread, share) in shares.iter_mut().enumerate() {
-        share.first = item;
-        let wanted = (thread + 1) * total / threads;
-        // An item that lies on the cut belongs to where more of it is.
-        while item < costs.len() && (before + costs[item] / 2 < wanted || thread + 1 == threads) {
-            before += costs[item];
-            item += 1;
-        }
-        share.end = item;
-    }
-}
 
 impl Team {
     /// Calls `work` on each item, on all free threads.
@@ -101,7 +17,7 @@ impl Team {
         });
     }
 
-    /// Calls `work` with the number of each of up to six steps and of each of its items, on all free threads. `costs` has
+    /// Calls `work` with the number of each of up to eight steps and of each of its items, on all free threads. `costs` has
     /// the cost of each item beside that of others.
     ///
     /// An item starts a step when it and its two neighbours have finished all earlier steps; items further away may be
@@ -113,19 +29,22 @@ impl Team {
     pub fn in_steps(&self, costs: &[usize], steps: &[Step], work: impl Fn(usize, usize) + Sync) {
         let count = costs.len();
         let items = |step: &Step| (step.first..count).step_by(step.stride);
-        let Some(mut scratch) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
+        let Some(mut shares) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
             for (number, step) in steps.iter().enumerate() {
                 items(step).for_each(|item| work(number, item));
             }
             return;
         };
-        scratch.prepare(costs, self.size());
-        let Scratch { shares, progress } = &*scratch;
+        shares.prepare(costs, self.size());
+        let Shares {
+            of_threads,
+            progress,
+        } = &*shares;
         self.run(&|thread| {
-            shares[thread].present.store(true, Ordering::Relaxed);
+            of_threads[thread].present.store(true, Ordering::Relaxed);
             for (number, step) in steps.iter().enumerate() {
-                for owner in (thread..shares.len()).chain(0..thread) {
-                    while let Some(item) = shares[owner].take(number, *step, owner == thread) {
+                for owner in (thread..of_threads.len()).chain(0..thread) {
+                    while let Some(item) = of_threads[owner].take(number, *step, owner == thread) {
                         wait_for_neighbours(progress, &steps[..number], item);
                         let _through = Through(&progress[item], number + 1);
                         work(number, item);
@@ -133,24 +52,6 @@ impl Team {
                 }
             }
         });
-    }
-}
-
-impl Share {
-    /// Takes a free item of a step; None if there is none, or if its own thread will take the last one.
-    fn take(&self, number: usize, step: Step, mine: bool) -> Option<usize> {
-        let before = step.count_before(self.first);
-        let count = step.count_before(self.end) - before;
-        let taken = &self.taken[number];
-        // Moving the memory of the last item to another core costs more than waiting.
-        let left = count.saturating_sub(taken.load(Ordering::Relaxed));
-        if !mine && left < 2 && self.present.load(Ordering::Relaxed) {
-            return None;
-        }
-        let index = taken.fetch_add(1, Ordering::Relaxed);
-        // The first item comes last: it waits for the last one of another thread.
-        let place = before + (index + 1) % count.max(1);
-        (index < count).then_some(step.first + place * step.stride)
     }
 }
 
@@ -187,6 +88,7 @@ impl Drop for Through<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicUsize;
 
     #[test]
     fn no_item_is_ahead_of_its_neighbours() {
@@ -214,23 +116,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn threads_have_about_the_same_costs() {
-        let ends = |costs: &[usize], threads| {
-            let mut scratch = Scratch::default();
-            scratch.prepare(costs, threads);
-            let ends = scratch.shares.iter().map(|share| share.end);
-            ends.collect::<Vec<_>>()
-        };
-        assert_eq!(ends(&[1; 8], 2), [4, 8]);
-        assert_eq!(ends(&[1; 15], 2), [7, 15]);
-        assert_eq!(ends(&[3, 2, 2, 2, 2, 3, 14], 2), [6, 7]);
-        assert_eq!(ends(&[14, 1, 1, 1], 2), [1, 4]);
-        assert_eq!(ends(&[2, 9, 9, 2, 2, 0], 3), [2, 3, 6]);
-        assert_eq!(ends(&[5, 0], 4), [0, 0, 1, 2]);
-        assert_eq!(ends(&[0, 0], 2), [0, 2]);
     }
 
     #[test]

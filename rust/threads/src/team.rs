@@ -18,7 +18,7 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use crate::error::ThreadError;
-use crate::steps::Scratch;
+use crate::shares::Shares;
 
 /// How long an idle worker stays awake: longer than the pauses within a frame, shorter than those between frames.
 const AWAKE: Duration = Duration::from_micros(100);
@@ -29,7 +29,7 @@ pub struct Team {
     shared: Arc<Shared>,
     workers: usize,
     /// Held while work is handed out; a second caller then works alone.
-    caller: Mutex<Scratch>,
+    caller: Mutex<Shares>,
 }
 
 /// Called with the number of the thread, 0 for the caller.
@@ -101,7 +101,7 @@ impl Team {
     }
 
     /// Keeps other callers from handing out work; None while another one does so.
-    pub(crate) fn try_begin(&self) -> Option<MutexGuard<'_, Scratch>> {
+    pub(crate) fn try_begin(&self) -> Option<MutexGuard<'_, Shares>> {
         match self.caller.try_lock() {
             Ok(caller) => Some(caller),
             // A panic leaves nothing half done that the next call does not write anew.
