@@ -300,7 +300,7 @@ class MpmSolver(CoarseSimulator):
         self, body: int, grip: npt.ArrayLike, target: npt.ArrayLike, *, reach: float, strength: float
     ) -> None:
         """Pull at a rigid body in the next frame; see `Simulator.pull`."""
-        self._solver.pull(
+        self._stepper.pull(
             body=body,
             grip=np.asarray(grip).tolist(),
             target=np.asarray(target).tolist(),

@@ -48,6 +48,8 @@ class MpmStepper:
         self._redone: dict[int, _core.FrameReport | None] = {}
         self._last: tuple[int, _core.FrameReport | None] | None = None
         """Number of a frame and its report, which the solver does not have after a restore."""
+        self._pulls: list[tuple[int, dict[str, Any]]] = []
+        """Latest pulls at rigid bodies, each with the frame before the one in which it acts."""
         self.keeps_forces = False
         """Whether the forces on walls and obstacles are summed."""
         self._speed_warning = speed_warning
@@ -73,6 +75,13 @@ class MpmStepper:
         for solver in (self.solver, self._safe):
             if solver is not None:
                 solver.keep_forces()
+
+    def pull(self, **pull: Any) -> None:
+        """Pull at a rigid body in the next frame; the arguments are those of `_core.Solver.pull`."""
+        self.solver.pull(**pull)
+        self._pulls = [one for one in self._pulls if one[0] == self.solver.frame] + [
+            (self.solver.frame, pull)
+        ]
 
     def advance(self, frames: int, force: _Floats | None) -> None:
         """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
@@ -111,6 +120,9 @@ class MpmStepper:
             if self.keeps_forces:
                 self._safe.keep_forces()
         self._safe.restore(self.solver.snapshot())
+        for frame, pull in self._pulls:
+            if frame == self.solver.frame:
+                self._safe.pull(**pull)
         self._safe.advance(1, force)
         self.solver.restore(self._safe.snapshot())
         self._redone[self.solver.frame] = self._safe.last_frame

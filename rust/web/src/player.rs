@@ -26,6 +26,8 @@ pub struct Player {
     upsampler: Option<Upsampler<D>>,
     /// The solver that does failed frames again.
     safe: Option<Solver<D>>,
+    /// The pull of the frame in progress, for that one.
+    pulled: Option<Pull<D>>,
     following: Option<Followed<D>>,
     numbers: Vec<f32>,
     doubles: Vec<f64>,
@@ -73,6 +75,7 @@ impl Player {
             solver: start.solver,
             upsampler: start.upsampler,
             safe: start.safe,
+            pulled: None,
             following: None,
             numbers: Vec::new(),
             doubles: Vec::new(),
@@ -173,10 +176,11 @@ impl Player {
     fn advance_pulled(&mut self, frames: usize, pull: Pull<D>) -> Result<(), String> {
         for _ in 0..frames {
             let force = self.force(None)?;
+            self.pulled = Some(pull);
             let pulled = self.solver.pull(pull);
-            pulled
-                .and_then(|()| self.advance_forced(force.as_deref()))
-                .map_err(|error| error.to_string())?;
+            let done = pulled.and_then(|()| self.advance_forced(force.as_deref()));
+            self.pulled = None;
+            done.map_err(|error| error.to_string())?;
         }
         Ok(())
     }
@@ -225,6 +229,9 @@ impl Player {
         match (self.solver.advance(1, force, |_, _| ()), &mut self.safe) {
             (Err(_), Some(safe)) => {
                 safe.restore(&self.solver.snapshot())?;
+                if let Some(pull) = self.pulled {
+                    safe.pull(pull)?;
+                }
                 safe.advance(1, force, |_, _| ())?;
                 self.solver.restore(&safe.snapshot())
             }

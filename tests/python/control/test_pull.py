@@ -80,3 +80,17 @@ def test_shapes_are_given_in_the_frame_of_the_body() -> None:
     )
     pin = RigidCylinder(start=(0.3, 0.3, 0.3), end=(0.3, 0.3, 0.7), radius=0.1)
     assert pin.solid() == {"shape": "cylinder", "radius": 0.1, "half": pytest.approx(0.2)}
+
+
+def test_a_frame_of_coarse_mode_that_is_done_again_has_its_pull() -> None:
+    solver = MpmSolver(_space(RigidBox(lower=(0.3, 0.5, 0.3), upper=(0.4, 0.6, 0.4))))
+    other = solver.copy()
+    stepper = solver._stepper
+    hand = pull(0, (0.9, 0.5, 0.3), strength=50.0)
+    hand(solver)
+    # As after a frame that has failed, for which the core has forgotten the pull.
+    stepper.solver.restore(stepper.solver.snapshot())
+    stepper._redo(other._solver.copy, None)
+    other.advance(1, hand)
+    assert solver.frame == 1
+    assert solver.digest() == other.digest()

@@ -78,6 +78,20 @@ def test_a_hand_pulls_a_body_and_its_log_gives_the_same_bits(service: Service) -
     assert digests[0] == digests[1] != log["digest"]
 
 
+@pytest.mark.filterwarnings("ignore::hybridmpm.errors.CoarseWarning")
+def test_a_body_is_pulled_in_coarse_mode(service: Service) -> None:
+    made = service.http.post("/v1/sessions", json={"scene": SCENE | {"resolution": 64}, "coarse": "1/4"})
+    path = made.json()["links"]["self"]
+    with service.stream(path, "3") as stream:
+        stream.send(type="pull", **PULL)
+        stream.send(type="step", frames=50)
+        frame = stream.reach(50)
+    assert frame.rigid is not None
+    assert frame.rigid.center[0, 1] > 0.5
+    log = service.http.get(f"{path}/log").json()
+    assert service.http.post("/v1/sessions", json={"log": log}).json()["notice"] is None
+
+
 @pytest.mark.parametrize(
     ("changes", "field", "text"),
     [
@@ -99,13 +113,13 @@ def test_what_is_not_made_for_bodies_says_so(service: Service, path: str) -> Non
     with service.stream(path) as stream:
         stream.send(type="pull", **PULL)
         assert "this session has no rigid bodies" in stream.text("problem")["detail"]
-    for choice in ({"coarse": "1/16"}, {"solver": "hybrid", "model": "fluids_2d"}):
-        refused = service.http.post("/v1/sessions", json={"scene": SCENE} | choice)
-        assert "not made for rigid bodies yet" in problem(refused, 422)["detail"]
+    network = {"solver": "hybrid", "model": "fluids_2d"}
+    refused = service.http.post("/v1/sessions", json={"scene": SCENE} | network)
+    assert "not made for rigid bodies" in problem(refused, 422)["detail"]
     made = service.create(SCENE)
     arrow = {"strokes": [{"points": [[0.3, 0.2], [0.6, 0.4]], "kind": "arrow"}]}
     refused = service.http.post(f"{made}/sketches", json=arrow)
-    assert "not made for rigid bodies yet" in problem(refused, 422)["detail"]
+    assert "not made for rigid bodies" in problem(refused, 422)["detail"]
 
 
 def test_a_session_survives_a_restart_with_its_bodies(start: Callable[..., Service], tmp_path: Path) -> None:
