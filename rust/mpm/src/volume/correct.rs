@@ -16,39 +16,51 @@ struct Rate {
     most: f32,
     /// Over the rate of strain [-].
     per_strain: f32,
+    /// Matter under a lower rate of strain [1/s] is at rest.
+    rest: f32,
 }
 
 impl Rate {
     /// The part [-] that is done in `dt` [s] under a rate of strain [1/s].
     #[inline(always)]
     fn part(self, strain_rate: f32, dt: f32) -> f32 {
-        let beyond_rest = (strain_rate - REST).max(0.0);
+        let beyond_rest = (strain_rate - self.rest).max(0.0);
         (self.most.min(self.per_strain * beyond_rest) * dt).min(0.5)
     }
 }
 
-/// Matter under a lower rate of strain [1/s] is at rest.
 const REST: f32 = 0.2;
 
 /// Neighbours share their pressure. Without it the mean compression of a tank is 28 % too small.
 const SHARING: Rate = Rate {
     most: 80.0,
     per_strain: 80.0,
+    rest: REST,
 };
 /// Matter with room around it gives its false pressure away.
 const VOID: Rate = Rate {
     most: 50.0,
     per_strain: 10.0,
+    rest: REST,
+};
+/// Grains do so in slow flow too: sand that is poured lands grain by grain, and comes to rest slowly.
+const VOID_OF_GRAINS: Rate = Rate {
+    most: 50.0,
+    per_strain: 50.0,
+    rest: 0.1 * REST,
 };
 /// Crowded matter gains pressure. Faster corrections feed waves.
 const CROWDING: Rate = Rate {
     most: 20.0,
     per_strain: 100.0,
+    rest: REST,
 };
 /// Room [-] that is no contradiction.
 const VOID_TOLERANCE: f32 = 0.03;
 /// Matter with less volume [-] around it is spray: it is meant to be apart.
 const SPRAY: f32 = 0.5;
+/// The same for grains that press each other: those that are apart have no pressure.
+const SPRAY_OF_GRAINS: f32 = 0.05;
 /// Volume of a particle [cells] above which excess density is mostly noise of the particles' places.
 /// Such matter gains pressure only as far as the strain within its cell pays for it; else it would gain energy.
 const SPARSE: f32 = 0.4;
@@ -136,9 +148,15 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
                     distance_squared += (moment / sum[SMOOTH] - centre[axis][i]).powi(2);
                 }
                 correction.pressure[i] = sum[PRESSURE];
-                let void = void(sum[SMOOTH] / room[i], distance_squared);
+                let is_pressed = held.pressure[i] > 0.0;
+                let (rate, spray) = if self.material.crowds_within_cells() && is_pressed {
+                    (VOID_OF_GRAINS, SPRAY_OF_GRAINS)
+                } else {
+                    (VOID, SPRAY)
+                };
+                let void = void(sum[SMOOTH] / room[i], distance_squared, spray);
                 let crowding = crowding(sum[crowding_lane] / crowding_room[i]);
-                let expansion = VOID.part(strain_rate[i], self.dt) * void
+                let expansion = rate.part(strain_rate[i], self.dt) * void
                     - CROWDING.part(strain_rate[i], self.dt) * crowding;
                 correction.expansion[i] = expansion;
                 if expansion < 0.0 && block.volume[i] > SPARSE * cell {
@@ -183,12 +201,12 @@ fn slow_strain<const D: usize>(affine: &mut [[Lanes; D]; D], lane: usize, kept: 
 }
 
 /// How much volume is missing around a particle [-], beyond what is tolerated: from the volume on the grid [-] and the
-/// squared distance to its centre [cells^2].
+/// squared distance to its centre [cells^2]. None where the volume is below that of `spray` [-].
 #[inline(always)]
-fn void(volume: f32, distance_squared: f32) -> f32 {
+fn void(volume: f32, distance_squared: f32, spray: f32) -> f32 {
     let surface = SLOPE * distance_squared / (distance_squared.sqrt() + ROUNDING);
     let void = (1.0 - volume - surface - VOID_TOLERANCE).max(0.0);
-    if volume < SPRAY { 0.0 } else { void }
+    if volume < spray { 0.0 } else { void }
 }
 
 /// Excess volume around a particle beyond the tolerance [-].
@@ -219,13 +237,18 @@ mod tests {
     #[test]
     fn voids_are_told_from_surfaces_and_spray() {
         assert_eq!(
-            (void(1.0, 0.0), void(0.98, 0.0), void(1.2, 0.0)),
+            (
+                void(1.0, 0.0, SPRAY),
+                void(0.98, 0.0, SPRAY),
+                void(1.2, 0.0, SPRAY)
+            ),
             (0.0, 0.0, 0.0)
         );
-        assert!((void(0.83, 0.0) - 0.14).abs() < 1e-6);
-        assert_eq!(void(0.2, 0.0), 0.0);
+        assert!((void(0.83, 0.0, SPRAY) - 0.14).abs() < 1e-6);
+        assert_eq!(void(0.2, 0.0, SPRAY), 0.0);
+        assert!((void(0.2, 0.0, SPRAY_OF_GRAINS) - 0.77).abs() < 1e-6);
         // A particle at a surface has little volume around it, and all of it on one side.
-        assert_eq!(void(0.6, 0.16 * 0.16), 0.0);
+        assert_eq!(void(0.6, 0.16 * 0.16, SPRAY), 0.0);
         assert!((crowding(1.11) - 0.1).abs() < 1e-6 && crowding(1.0) == 0.0);
         assert_eq!(crowding(3.0), 0.5);
     }
@@ -252,10 +275,10 @@ mod tests {
 
     #[test]
     fn matter_at_rest_is_not_corrected() {
-        for rate in [SHARING, VOID, CROWDING] {
+        for rate in [SHARING, VOID, VOID_OF_GRAINS, CROWDING] {
             assert_eq!(rate.part(0.0, 5.0e-3), 0.0);
-            assert_eq!(rate.part(REST, 5.0e-3), 0.0);
-            assert!(rate.part(1.1 * REST, 5.0e-3) > 0.0);
+            assert_eq!(rate.part(rate.rest, 5.0e-3), 0.0);
+            assert!(rate.part(1.1 * rate.rest, 5.0e-3) > 0.0);
             for dt in [5.0e-3, 2.5e-3] {
                 assert!((rate.part(50.0, dt) - rate.most * dt).abs() < 1e-6);
             }
