@@ -170,6 +170,6 @@ fn a_space_scene_sleeps_too() {
     settings.sleep = Some(SLEEP);
     let bodies = Bodies::default().block(32, [0.4, 0.1, 0.4], [0.6, 0.2, 0.6], [0.0; 3], 0);
     let mut solver = bodies.solver(settings);
-    run(&mut solver, 300);
+    run(&mut solver, 500);
     assert!(share(&solver) > 0.9, "{}", share(&solver));
 }
