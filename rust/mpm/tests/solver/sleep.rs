@@ -167,9 +167,13 @@ fn sleeping_gives_the_same_bits_on_any_threads_and_after_any_restore() {
 #[test]
 fn a_space_scene_sleeps_too() {
     let mut settings: SolverSettings<3> = settings(32, vec![sand()]);
-    settings.sleep = Some(SLEEP);
+    // Single grains at its sides move at up to .06 m/s for long.
+    settings.sleep = Some(Sleep {
+        speed: 0.1,
+        ..SLEEP
+    });
     let bodies = Bodies::default().block(32, [0.4, 0.1, 0.4], [0.6, 0.2, 0.6], [0.0; 3], 0);
     let mut solver = bodies.solver(settings);
-    run(&mut solver, 500);
+    run(&mut solver, 300);
     assert!(share(&solver) > 0.9, "{}", share(&solver));
 }
