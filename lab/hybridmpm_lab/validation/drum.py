@@ -17,7 +17,7 @@ _RADIUS, _THICKNESS, _STAVES = 0.3, 0.05, 32  # inner radius and thickness of th
 _FILL = 0.49  # part of the drum [-]
 _TURNING = 0.25  # [rad/s]; w^2 R / g is 0.002
 _START, _FRAMES, _EVERY = 2000, 1600, 20  # frames before the mean, those of the mean, and between its parts
-# Level sand turns with the drum until it yields, after .67 rad at most: the mean is of 1 rad, from 1.25 rad on.
+# Level sand turns with the drum until it yields, after at most .67 rad: the mean is of 1 rad, from 1.25 on.
 
 
 def run(repose: tuple[float, ...] = REPOSE, *, resolution: int = 96) -> Result:
