@@ -182,11 +182,14 @@ async def advance_session(
 )
 @needs("view")
 async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
-    """Return the state of all particles as JSON, npz, or a point cloud (PLY, VTP)."""
+    """Return the state of all particles as JSON, npz, or a point cloud (PLY, VTP).
+
+    Point clouds have rigid bodies as points of type 0 that fill them.
+    """
     media_type = preferred(request, NPZ, PLY, VTP)
     if media_type in {PLY, VTP}:
-        state = await sessions.get(session_id).particles()
-        cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
+        recording = await sessions.get(session_id).recording()
+        cloud = await sessions.turns.run(lambda: Cloud.of(recording, 0))
         return await cloud_response(sessions.turns, cloud, media_type)
     return await _particles(sessions.turns, sessions.get(session_id), as_npz=media_type == NPZ)
 

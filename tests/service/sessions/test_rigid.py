@@ -44,6 +44,10 @@ def test_frames_have_poses_for_viewers_that_join_late_too(service: Service) -> N
     assert late.rigid.center == pytest.approx(numbers[:, :2], abs=1e-6)
     assert late.rigid.center[1, 1] == pytest.approx(0.5 - 0.5 * 9.81 * 0.1**2, abs=0.01)
     assert service.http.get(f"{path}/particles").json()["rigid"] == pytest.approx(numbers)
+    # As points that fill them they are in clouds.
+    cloud = service.http.get(f"{path}/particles", headers={"Accept": "application/x-ply"}).content
+    count = int(cloud.split(b"element vertex ")[1].split()[0])
+    assert count > len(arrays_of(held.content)["types"]) + 20
     for version in ("1", "2"):
         with service.stream(path, version) as stream:
             assert stream.end() == 4406
