@@ -111,10 +111,11 @@ def sample(scene: Fillable) -> Particles:
     """
     positions: list[npt.NDArray[np.float32]] = []
     volumes: list[float] = []
-    solids: list[_Solid] = [part.to_native() for part in (*scene.obstacles, *scene.rigid)]
+    solids: list[_Solid] = [part.to_native() for part in scene.obstacles]
+    rigid = [(body.to_native(), *body.bounds) for body in scene.rigid]
     bounds = np.array([body.bounds for body in scene.bodies]).reshape(-1, 2, scene.dim)
     for index, body in enumerate(scene.bodies):
-        lattice = _Lattice.of(scene, index, solids, bounds)
+        lattice = _Lattice.of(scene, index, solids, rigid, bounds)
         needed = sum(map(len, positions))
         if isinstance(body, Ball) and isinstance(body.material, Elastic):
             x = _on_rings(scene, lattice, body, needed)
@@ -165,28 +166,43 @@ class _Lattice:
     walls: tuple[Points, Points]
     """Corners (D,) [m] of the box that contains all particles."""
     solids: list[_Solid]
-    """Obstacles that may reach into the body."""
+    """Obstacles and rigid bodies that may reach into the body."""
     reach: float
     """Distance from solids up to which it matters how far they are [m]."""
     earlier: list[Body]
     """Bodies that come before it and may reach into it."""
 
     @classmethod
-    def of(cls, scene: Fillable, index: int, solids: list[_Solid], bounds: npt.NDArray[np.float64]) -> Self:
-        """Return the lattice of the body with this index, of all solids and all bodies' bounds (n, 2, D)."""
+    def of(
+        cls,
+        scene: Fillable,
+        index: int,
+        solids: list[_Solid],
+        rigid: list[tuple[_core.RigidBody, Points, Points]],
+        bounds: npt.NDArray[np.float64],
+    ) -> Self:
+        """Return the lattice of the body with this index.
+
+        Given are all obstacles, all rigid bodies with their bounds, and the bounds (n, 2, D) of all bodies.
+        """
         body = scene.bodies[index]
         lower, upper = bounds[index]
         beside = (bounds[:index, 0] < upper).all(axis=1) & (bounds[:index, 1] > lower).all(axis=1)
         count = np.maximum(1, np.rint((upper - lower) / scene.spacing)).astype(np.int64)
         gap = _CLEARANCE * scene.spacing
         middle, reach = _rounded((lower + upper)[None] / 2), np.linalg.norm(upper - lower) / 2 + gap
+        step = (upper - lower) / count
+        solids = [solid for solid in solids if solid.signed_distance(middle)[0] <= reach]
+        for solid, low, high in rigid:
+            if (low < upper + step).all() and (high > lower - step).all():
+                solids.append(solid)
         return cls(
             body=body,
             lower=lower,
-            step=(upper - lower) / count,
+            step=step,
             count=count,
             walls=(np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap),
-            solids=[solid for solid in solids if solid.signed_distance(middle)[0] <= reach],
+            solids=solids,
             reach=2 * scene.spacing,
             earlier=[other for other, near in zip(scene.bodies, beside, strict=False) if near],
         )
