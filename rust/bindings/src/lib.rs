@@ -132,6 +132,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::filled_solid, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::match_to_region, module)?)?;
+    module.add_function(wrap_pyfunction!(guidance::pressed, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::least_acceleration, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::push_force, module)?)?;
     module.add_function(wrap_pyfunction!(neural::answer_weights, module)?)?;

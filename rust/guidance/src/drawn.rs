@@ -10,9 +10,9 @@ use crate::silhouette::{Filling, Silhouette};
 use crate::ways::{Present, Settings, Settling, Ways};
 
 /// Largest number of frames at the end in which particles are given places of a shape anew.
-const SETTLING: u64 = 60;
-/// Frames of which at most one is for that.
-const OF_THREE: u64 = 3;
+const SETTLING: u64 = 90;
+/// Of so many frames, so many are for that at most.
+const SHARE: [u64; 2] = [5, 2];
 /// Share of the particles that may lie in walls or obstacles on the way of an arrow.
 const MISFIT: f64 = 0.02;
 /// Places of a way that are held against obstacles.
@@ -87,7 +87,7 @@ impl<const D: usize> Fluid<'_, D> {
             particles: self.present.ids.len(),
             shrinks: false,
         };
-        let Ok(filled) = silhouette.filled(filling, free);
+        let Ok(filled) = silhouette.filled(filling, &free);
         let room = filled.cells.len() as f64 * filled.side.powi(D as i32);
         if room < 0.99 * self.volume {
             return Err(refused(
@@ -109,11 +109,12 @@ impl<const D: usize> Fluid<'_, D> {
             ));
         }
         in_cells(&mut found.places, &filled.cells, side);
-        let start = self.frames - SETTLING.min(self.frames / OF_THREE);
+        let start = self.frames - SETTLING.min(SHARE[1] * self.frames / SHARE[0]);
         let share = start as f64 / self.frames as f64;
         let seconds = share * self.frames as f64 * settings.frame_dt;
         let plan = Plan::of(found, &self.v(), &self.weight(), None, seconds)?;
-        let settling = Settling::new(filled.cells, side, [start, self.frames], None)?;
+        let Ok(pressed) = filling.pressed(&filled.cells, side, &free);
+        let settling = Settling::new(pressed, side, [start, self.frames], None)?;
         self.led(plan, settings, Some(settling))
     }
 

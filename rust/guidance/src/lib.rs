@@ -17,6 +17,7 @@ mod outlines;
 mod partition;
 mod paths;
 mod plan;
+mod pressed;
 mod push;
 mod sight;
 mod silhouette;

@@ -209,7 +209,7 @@ impl<const D: usize> Extent<D> {
 }
 
 /// Root of order D. That of order 2 is the same on all machines.
-fn root<const D: usize>(number: f64) -> f64 {
+pub(crate) fn root<const D: usize>(number: f64) -> f64 {
     if D == 2 {
         number.sqrt()
     } else {

@@ -108,12 +108,12 @@ _PASSED = 0.05
 """Share of a fluid that has to pass a gap, above which the gap counts [-]."""
 _SOLID = 0.5
 """Share of elastic mass from which on a body is led round obstacles as a whole only."""
-_SETTLING = 60
+_SETTLING = 90
 """Largest number of frames at the end in which particles are given places of a shape anew."""
 _SLOWER = 4
 """Number of velocities, each half of the one before, with which a shape may pass."""
-_OF_THREE = 3
-"""Frames of which at most one is for that."""
+_SHARE = (2, 5)
+"""Part of all frames that is for that at most."""
 _LEAST_CELLS = 4
 """Cells that a part of a shape is wide at least, so that the fluid can keep to it."""
 _TOO_THIN = 0.25
@@ -182,7 +182,8 @@ class Goal:
 
     def moving(self, frames: int) -> int:
         """Return for how many of a number of frames the motion lasts; what is left is for settling."""
-        return frames - min(_SETTLING, frames // _OF_THREE) if self.settles else frames
+        most = _SHARE[0] * frames // _SHARE[1]
+        return frames - min(_SETTLING, most) if self.settles else frames
 
     def moved(self, frames: int) -> Paths:
         """Return the paths of the motion in a number of frames; what settles goes on with its velocity."""
@@ -206,8 +207,9 @@ class Goal:
 
     def _in_all(self, moving: int) -> int:
         """Return the smallest number of frames, a multiple of 5 as `moving` is, that leave so many for it."""
-        thirds = 5 * -(-moving * _OF_THREE // (5 * (_OF_THREE - 1)))
-        return min(moving + _SETTLING, thirds) if self.settles else moving
+        part, whole = _SHARE
+        least = 5 * -(-moving * whole // (5 * (whole - part)))
+        return min(moving + _SETTLING, least) if self.settles else moving
 
     @property
     def squeezes(self) -> bool:

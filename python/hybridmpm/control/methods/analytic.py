@@ -1,5 +1,6 @@
 """Guidance without weights: optimal transport to the goal, and the least force along the paths."""
 
+from hybridmpm import _core
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Settling, Tracked
 from hybridmpm.control.methods.method import Task
@@ -30,8 +31,17 @@ class Analytic:
         if not goal.settles or goal.region is None:
             return task.tracked(goal.paths, share=arrival(task, goal.paths))
         start = goal.moving(task.frames)
-        region = goal.region
-        settling = Settling(cells=region.cells, side=region.side, settling=(start, task.frames))
+        region, room = goal.region, goal.room
+        pressed = _core.pressed(
+            region.cells,
+            region.side,
+            lower=room.lower.tolist(),
+            upper=room.upper.tolist(),
+            volume=goal.cloud.volume,
+            particles=len(goal.cloud.x),
+            free=lambda cells: room.distance(cells) >= 0,
+        )
+        settling = Settling(cells=pressed, side=region.side, settling=(start, task.frames))
         return task.tracked(goal.moved(task.frames), share=start / task.frames, settling=settling)
 
 

@@ -11,7 +11,7 @@ mod ways;
 
 pub use free_space::PyFreeSpace;
 pub use matching::{PyMatching, match_to_region};
-pub use outlines::{PyOutlines, filled_solid};
+pub use outlines::{PyOutlines, filled_solid, pressed};
 pub use push::push_force;
 pub use timing::{PyTiming, least_acceleration};
 pub use ways::PyWays;

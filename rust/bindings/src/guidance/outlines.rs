@@ -2,7 +2,7 @@
 
 use ::guidance::{Extent, Filled, Filling, Outlines, Silhouette};
 use numpy::{
-    IntoPyArray, Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1,
+    IntoPyArray, Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
@@ -54,6 +54,43 @@ fn cells_of<const D: usize>(py: Python<'_>, found: Filled<D>) -> PyResult<Cells<
     let count = found.cells.len();
     let cells = found.cells.into_flattened().into_pyarray(py);
     Ok((cells.reshape([count, D])?, found.side, found.scale))
+}
+
+/// Cells (M, D) of a region, moved inwards from its edges so that they press a fluid together.
+#[pyfunction]
+#[pyo3(signature = (cells, side, *, lower, upper, volume, particles, free))]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "keyword arguments of a Python function"
+)]
+pub fn pressed<'py>(
+    cells: &Bound<'py, PyAny>,
+    side: f64,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    volume: f64,
+    particles: usize,
+    free: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn all<'py, const D: usize>(
+        cells: &PyReadonlyArray2<'py, f64>,
+        side: f64,
+        filling: Filling<D>,
+        free: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let cells = rows::<D, f64>(slice_of(cells));
+        let moved = filling.pressed(&cells, side, |points| is_free(free, points))?;
+        let count = moved.len();
+        let moved = moved.into_flattened().into_pyarray(free.py());
+        moved.reshape([count, D])
+    }
+    let dim = dim_of("lower", lower.len())?;
+    let cells = points("cells", cells, dim)?;
+    let (walls, fluid) = ([&lower[..], &upper[..]], (volume, particles, false));
+    match dim {
+        2 => all::<2>(&cells, side, filling(walls, fluid)?, free),
+        _ => all::<3>(&cells, side, filling(walls, fluid)?, free),
+    }
 }
 
 /// Cells of a solid in 3D that a fluid fills; see `Outlines.filled`.
