@@ -226,7 +226,7 @@ def test_bad_settings_are_refused_before_anything_moves(settings: dict[str, Any]
 
 
 def test_a_sketch_must_be_one() -> None:
-    with pytest.raises(ConfigError, match="sketch must be an Arrow, an Ellipse, a Shape or a Solid, got ndarray"):
+    with pytest.raises(ConfigError, match="an Arrow, an Ellipse, a Shape or a Solid, got ndarray"):
         follow(_solver(), np.zeros(3))  # type: ignore[arg-type]
 
 

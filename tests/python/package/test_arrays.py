@@ -196,6 +196,18 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
         lambda x, cells: _native.match_to_region(x, cells).places,
         {"x": X.astype(float), "cells": CELLS},
     ),
+    "pressed": (
+        lambda cells: _native.pressed(
+            cells,
+            0.05,
+            lower=(0, 0),
+            upper=(1, 1),
+            volume=0.05**2 * len(CELLS),
+            particles=len(CELLS) // 6,
+            free=lambda x: np.ones(len(x), dtype=bool),
+        ),
+        {"cells": CELLS},
+    ),
     "least_acceleration": (
         lambda points: _native.least_acceleration(points, (0, 0), (0, 0), 1.0).times,
         {"points": X[:5].astype(float)},

@@ -110,6 +110,25 @@ def test_a_shape_and_then_goals_in_turn_steer_and_are_kept_in_the_log(service: A
     assert len({service.http.get(f"{one}/log").json()["digest"] for one in (path, twin)}) == 1
 
 
+def test_what_is_unwise_is_said(service: Any, path: str) -> None:
+    turn = np.deg2rad(90 + 144 * np.arange(5))
+    star = 0.5 + 0.25 * np.column_stack([np.cos(turn), np.sin(turn)])
+    bar = [[0.2, 0.5], [0.8, 0.5], [0.8, 0.51], [0.2, 0.51]]
+    far = [[0.65, 0.65], [0.85, 0.65], [0.85, 0.85], [0.65, 0.85]]
+    for outline, frames, text in (
+        (star.tolist(), 200, "lines of the shape cross: what they enclose an odd number of times is filled"),
+        (bar, 200, "100 % of the shape is thinner than 4 grid cells, 12.5 cm: draw it wider"),
+        (far, 12, "12 frames take "),
+        (far, 12, " frames would do"),
+    ):
+        body = {"sketch": {"kind": "shape", "outlines": [outline]}, "frames": frames}
+        needs = service.http.post(f"{path}/sketches", json=body).json()["needs"]
+        assert text in needs["text"]
+        assert any(
+            text in said for said in [*needs["notes"], *(one["message"] for one in needs["obstructions"])]
+        )
+
+
 TETRAHEDRON: dict[str, Any] = {
     "kind": "solid",
     "vertices": [[0.4, 0.4, 0.4], [0.7, 0.4, 0.4], [0.4, 0.7, 0.4], [0.4, 0.4, 0.7]],
