@@ -87,7 +87,7 @@ impl<const D: usize> Fluid<'_, D> {
             particles: self.present.ids.len(),
             shrinks: false,
         };
-        let Ok(filled) = silhouette.filled(filling, &free);
+        let Ok(filled) = silhouette.filled(filling, free);
         let room = filled.cells.len() as f64 * filled.side.powi(D as i32);
         if room < 0.99 * self.volume {
             return Err(refused(
@@ -113,7 +113,7 @@ impl<const D: usize> Fluid<'_, D> {
         let share = start as f64 / self.frames as f64;
         let seconds = share * self.frames as f64 * settings.frame_dt;
         let plan = Plan::of(found, &self.v(), &self.weight(), None, seconds)?;
-        let Ok(pressed) = filling.pressed(&filled.cells, side, &free);
+        let Ok(pressed) = filling.pressed(&filled.cells, side, free);
         let settling = Settling::new(pressed, side, [start, self.frames], None)?;
         self.led(plan, settings, Some(settling))
     }

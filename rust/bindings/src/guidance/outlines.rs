@@ -59,10 +59,6 @@ fn cells_of<const D: usize>(py: Python<'_>, found: Filled<D>) -> PyResult<Cells<
 /// Cells (M, D) of a region, moved inwards from its edges so that they press a fluid together.
 #[pyfunction]
 #[pyo3(signature = (cells, side, *, lower, upper, volume, particles, free))]
-#[expect(
-    clippy::too_many_arguments,
-    reason = "keyword arguments of a Python function"
-)]
 pub fn pressed<'py>(
     cells: &Bound<'py, PyAny>,
     side: f64,

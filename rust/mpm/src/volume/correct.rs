@@ -29,6 +29,7 @@ impl Rate {
     }
 }
 
+/// Where matter is at rest, but for grains that press [1/s].
 const REST: f32 = 0.2;
 
 /// Neighbours share their pressure. Without it the mean compression of a tank is 28 % too small.
