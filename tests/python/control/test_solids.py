@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 from hybridmpm import Box, BoxObstacle, ConfigError, MpmSolver, Scene, SketchError, scenarios
 from hybridmpm.control import Arrow, Guidance, Keyframe, Solid, follow, prepare, render_png
 from hybridmpm.playing.ways import drawn
 
-trimesh = pytest.importorskip("trimesh")
 L = [(0.15, 0.15), (0.15, 0.5), (0, 0.5), (0, 0), (0.4, 0), (0.4, 0.15)]
 
 
