@@ -1,11 +1,16 @@
 """A scene made by hand: its things are placed by mouse, finger and keyboard, checked, and simulated."""
 
+import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 from playwright.sync_api import Locator, expect
 from tests.browser.conftest import LIVE, LiveService, Open, Visit
+
+from hybridmpm import Scene
 
 pytestmark = pytest.mark.browser
 
@@ -32,16 +37,22 @@ def _press(visit: Visit, kind: str) -> None:
     visit.page.locator(f"#build-kinds [data-kind={kind}]").click()
 
 
-def _pixel(visit: Visit, point: Point) -> Point:
-    """Return where a point lies on the screen: the walls are at 0.1 and 0.9, in a margin of 4 %."""
-    box = visit.page.locator("#build-picture").bounding_box()
+def _pixel(visit: Visit, point: Point, *, top: bool = False) -> Point:
+    """Return where a point lies on the screen: the walls are at 0.1 and 0.9, in a margin of 4 %.
+
+    From above (`top`) it is (x, z), and z points down.
+    """
+    picture = visit.page.locator("#build-top" if top else "#build-picture")
+    picture.scroll_into_view_if_needed()
+    box = picture.bounding_box()
     scale = box["width"] * 0.92 / 0.8
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    return middle[0] + (point[0] - 0.5) * scale, middle[1] - (point[1] - 0.5) * scale
+    up = (point[1] - 0.5) * scale
+    return middle[0] + (point[0] - 0.5) * scale, middle[1] + (up if top else -up)
 
 
-def _drag(visit: Visit, start: Point, end: Point, *, finger: bool) -> None:
-    (x, y), (to_x, to_y) = _pixel(visit, start), _pixel(visit, end)
+def _drag(visit: Visit, start: Point, end: Point, *, finger: bool, top: bool = False) -> None:
+    (x, y), (to_x, to_y) = _pixel(visit, start, top=top), _pixel(visit, end, top=top)
     if not finger:
         visit.page.mouse.move(x, y)
         visit.page.mouse.down()
@@ -228,4 +239,85 @@ def test_rigid_bodies_are_placed_turned_and_taken_back(open_page: Open, service:
     assert ball["center"] == pytest.approx([0.75, 0.6], abs=5e-3)
     assert wedge["points"][0] == pytest.approx([0.4, 0.72], abs=5e-3)
     visit.wait_for("body.renderer === 'canvas2d'")
+    assert not visit.errors
+
+
+def _set(visit: Visit, **numbers: float) -> None:
+    """Fill number fields; an underscore stands for a space."""
+    for label, value in numbers.items():
+        field = visit.page.locator("#build-numbers").get_by_label(label.replace("_", " "))
+        field.fill(str(value))
+        field.press("Tab")
+
+
+@pytest.mark.parametrize(
+    ("width", "hand"), [pytest.param(1100, "mouse", marks=pytest.mark.long), (390, "finger")]
+)
+def test_a_scene_in_space_is_built_simulated_and_saved(
+    open_page: Open, service: LiveService, tmp_path: Path, width: int, hand: str
+) -> None:
+    finger = hand == "finger"
+    visit = _builder(open_page, width)
+    page = visit.page
+    page.get_by_role("button", name="Empty 3D box").click()
+    # From the front it is moved, from above it is drawn out and moved.
+    _press(visit, "water")
+    _drag(visit, (0.5, 0.5), (0.3, 0.3), finger=finger)
+    _drag(visit, (0.38, 0.58), (0.5, 0.7), finger=finger, top=True)
+    _drag(visit, (0.3, 0.5), (0.3, 0.4), finger=finger, top=True)
+    _press(visit, "crate")
+    expect(page.locator("#build-top .selected")).to_have_attribute(
+        "aria-label", "Rigid box, 0.16 m by 0.16 m by 0.16 m, at 0.5 m, 0.5 m, 0.5 m"
+    )
+    _set(visit, Middle_x=0.6, Middle_y=0.6, Density=300, Spin_y=2)
+    # The blue handle turns it about the sight: here about z, then about y.
+    _drag(visit, (0.6, 0.73), (0.47, 0.6), finger=finger)
+    expect(page.locator("#build-numbers").get_by_label("Turned z")).to_have_value("90")
+    _press(visit, "rod")
+    page.locator("#build-numbers").get_by_label("Axis").select_option("z")
+    _set(visit, Length=0.3, Radius=0.05, Middle_x=0.3, Middle_y=0.6, Middle_z=0.5)
+    _drag(visit, (0.3, 0.35), (0.3, 0.25), finger=finger, top=True)
+    _press(visit, "gem")
+    page.locator("#build-delete").click()
+    expect(_things(visit)).to_have_count(3)
+    # A surface of a file, as a rigid body.
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "stone.stl")
+    page.locator("#build-chosen").set_input_files(tmp_path / "stone.stl")
+    expect(_things(visit)).to_have_count(4)
+    page.get_by_label("Acts as").select_option("rigid")
+    _set(visit, Middle_x=0.75, Middle_y=0.25, Middle_z=0.7, Density=2500)
+    keys = page.keyboard
+    page.locator("#build-picture .selected").focus()
+    for key in ("ArrowRight", "PageDown", "PageUp", "Control+z"):
+        keys.press(key)
+    expect(page.locator("#build-status")).to_contain_text("Runs")
+    # What is seen aslant shows the body.
+    brown = page.evaluate(
+        """() => {
+          const { width, height } = document.getElementById("build-preview");
+          const context = document.getElementById("build-preview").getContext("2d");
+          const pixels = new Uint32Array(context.getImageData(0, 0, width, height).data.buffer);
+          const channels = (rgb) => [0, 8, 16].map((shift) => (rgb >> shift) & 255);
+          const isBrown = ([red, green, blue]) => red > 1.3 * green && green > 1.3 * blue;
+          return pixels.filter((rgb) => isBrown(channels(rgb))).length / pixels.length;
+        }"""
+    )
+    assert brown > 0.005
+    with page.expect_download() as saved:
+        page.locator("#build-save").click()
+    saved.value.save_as(tmp_path / "mine.yaml")
+    scene = _simulated(visit, service)
+    read = Scene.load(tmp_path / "mine.yaml")
+    # The service lowers the limit of particles.
+    limited = read.model_copy(update={"max_particles": scene["max_particles"]})
+    assert limited == Scene.from_json(json.dumps(scene))
+    (water,), (crate, rod, stone) = scene["bodies"], scene["rigid"]
+    assert water["lower"] + water["upper"] == pytest.approx([0.22, 0.22, 0.32, 0.5, 0.38, 0.6], abs=0.012)
+    assert (crate["density"], crate["angular_velocity"]) == (300, [0, 2, 0])
+    assert crate["rotation"] == pytest.approx([0, 0, np.pi / 2], abs=0.03)
+    assert rod["start"] + rod["end"] == pytest.approx([0.3, 0.6, 0.25, 0.3, 0.6, 0.65], abs=0.012)
+    assert (rod["radius"], stone["shape"]) == (0.05, "hull")
+    corners = np.array(stone["points"])
+    assert (corners.min(axis=0) + corners.max(axis=0)) / 2 == pytest.approx([0.76, 0.25, 0.71], abs=1e-3)
+    assert page.evaluate("document.documentElement.scrollWidth") == width
     assert not visit.errors

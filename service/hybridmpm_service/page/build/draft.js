@@ -2,12 +2,18 @@
 
 import { sceneOf, thingsOf } from "./things.js";
 
-const EMPTY = { name: "my scene", dim: 2, resolution: 128, walls: { lower: [0.1, 0.1], upper: [0.9, 0.9] } };
+const RESOLUTIONS = { 2: 128, 3: 32 }; // cells/m
+const emptyBox = (dim) => ({
+  name: "my scene",
+  dim,
+  resolution: RESOLUTIONS[dim],
+  walls: { lower: new Array(dim).fill(0.1), upper: new Array(dim).fill(0.9) },
+});
 const LONGEST_WAY_BACK = 100;
 
 /** A draft. `changed()` is called after each change of the things or of the choice. */
 export class Draft {
-  base = EMPTY;
+  base = emptyBox(2);
   things = [];
   selected = -1;
   edited = false; // whether hands have changed it since it began with a scene
@@ -21,6 +27,11 @@ export class Draft {
 
   get scene() {
     return sceneOf(this.base, this.things);
+  }
+
+  /** Sides of the world [m]. */
+  get room() {
+    return this.base.world?.size ?? new Array(this.base.dim).fill(1);
   }
 
   get canGoBack() {
@@ -38,12 +49,22 @@ export class Draft {
     this.#changed();
   }
 
-  /** Begin with a scene; null for an empty box. */
+  /** Begin with a scene. */
   begin(scene) {
     this.remember();
-    const base = scene === null ? EMPTY : { ...scene, name: scene.name || "my scene" };
-    this.#become({ base, things: scene === null ? [] : thingsOf(scene), selected: -1 });
+    this.#become({ base: { ...scene, name: scene.name || "my scene" }, things: thingsOf(scene), selected: -1 });
     this.edited = false;
+  }
+
+  /** Begin with an empty box of so many dimensions. */
+  empty(dim) {
+    this.begin(emptyBox(dim));
+  }
+
+  /** Take another resolution [cells/m]. */
+  refine(resolution) {
+    this.remember();
+    this.#become({ base: { ...this.base, resolution }, things: [...this.things] });
   }
 
   add(thing) {

@@ -1,11 +1,11 @@
 // Mouse, finger and keyboard on the picture of a draft.
 
-import { focusThing, pointOf } from "./picture.js";
+import { depthOf, focusThing, pointOf } from "./picture.js";
 import { handlesOf, lastHandle, made, moved, resized } from "./things.js";
 
 const STEP = 0.01; // m by which an arrow key moves or resizes
 const CLICK = 0.015; // m: a shorter way of a pointer draws nothing
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const ARROWS = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], PageUp: [0, 0, -1], PageDown: [0, 0, 1] };
 
 /**
  * Let hands change a draft.
@@ -16,9 +16,12 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowD
 export function bindHands(svg, { draft, view, kind }) {
   let held = null; // what a pointer holds: {id, from, thing, handle} or {id, from, draws}
 
+  /** The point under a pointer, in space at the depth of another one. */
+  const under = (event, depth) => pointOf(svg, view(), event, depth);
+
   svg.addEventListener("pointerdown", (event) => {
     if (held !== null || event.button !== 0) return;
-    const from = pointOf(svg, view(), event);
+    const from = under(event, depthOf(view()));
     const handle = event.target.closest("[data-handle]")?.dataset.handle;
     const index = event.target.closest("[data-index]")?.dataset.index;
     if (handle === undefined && index === undefined) {
@@ -35,19 +38,20 @@ export function bindHands(svg, { draft, view, kind }) {
 
   svg.addEventListener("pointermove", (event) => {
     if (held?.id !== event.pointerId) return;
-    const at = pointOf(svg, view(), event);
-    const way = [at[0] - held.from[0], at[1] - held.from[1]];
+    const at = under(event, held.from);
+    const way = at.map((x, k) => x - held.from[k]);
     if (held.draws !== undefined) {
       if (Math.hypot(...way) < CLICK && !held.added) return;
-      if (held.added) draft.replace(made(held.draws, held.from, at));
-      else draft.add(made(held.draws, held.from, at));
+      const thing = made(held.draws, ...roomBetween(held.from, at, view()), draft.room);
+      if (held.added) draft.replace(thing);
+      else draft.add(thing);
       held.added = true;
       return;
     }
     if (!held.remembered) draft.remember();
     held.remembered = true;
-    if (held.handle === undefined) draft.replace(moved(held.thing, way));
-    else draft.replace(resized(held.thing, held.handle, at));
+    if (held.handle === undefined) draft.replace(moved(held.thing, way, draft.room));
+    else draft.replace(resized(held.thing, held.handle, under(event, handlesOf(held.thing, view())[held.handle]), view()));
   });
 
   const release = (event) => {
@@ -65,12 +69,12 @@ export function bindHands(svg, { draft, view, kind }) {
     if (thing === undefined) return;
     const index = draft.selected;
     if (event.key in ARROWS) {
-      const by = ARROWS[event.key].map((d) => d * STEP);
-      const handle = event.shiftKey ? lastHandle(thing) : undefined;
-      if (event.shiftKey && handle === undefined) return;
+      const by = wayIn(view(), ARROWS[event.key].map((d) => d * STEP));
+      const handle = event.shiftKey ? lastHandle(thing, view()) : undefined;
+      if (by === null || (event.shiftKey && handle === undefined)) return;
       draft.remember();
-      const place = handle === undefined ? null : handlesOf(thing)[handle];
-      draft.replace(handle === undefined ? moved(thing, by) : resized(thing, handle, [place[0] + by[0], place[1] + by[1]]));
+      const place = handle === undefined ? null : handlesOf(thing, view())[handle];
+      draft.replace(handle === undefined ? moved(thing, by, draft.room) : resized(thing, handle, place.map((x, k) => x + by[k]), view()));
     } else if (event.key === "Delete" || event.key === "Backspace") {
       draft.remove();
       focusThing(svg, Math.min(index, draft.things.length - 1));
@@ -78,4 +82,17 @@ export function bindHands(svg, { draft, view, kind }) {
     event.preventDefault();
     event.stopPropagation();
   });
+}
+
+/** A way to the right, upwards and towards the eye, in the world; null for one along the sight of a flat picture. */
+function wayIn({ dim, rows }, way) {
+  if (dim === 2) return way[2] === 0 ? way.slice(0, 2) : null;
+  return [0, 1, 2].map((k) => rows.reduce((sum, row, i) => sum + row[k] * way[i], 0));
+}
+
+/** Corners of the room that a drag between two points opens: in space half as far to the front and to the back as its shorter side. */
+function roomBetween(from, to, { dim, depth }) {
+  if (dim === 2) return [from, to];
+  const half = Math.min(...from.map((x, k) => (k === depth ? Infinity : Math.abs(to[k] - x)))) / 2;
+  return [-1, 1].map((side) => (side < 0 ? from : to).map((x, k) => (k === depth ? x + side * half : x)));
 }

@@ -5,11 +5,16 @@ import { byId, setText } from "../panels/dom.js";
 import { Draft } from "./draft.js";
 import { showForm } from "./form.js";
 import { bindHands } from "./hands.js";
-import { drawDraft, focusThing, viewOf } from "./picture.js";
-import { freeRoom, indexIn, inWords, KINDS, made, nameOf } from "./things.js";
+import { drawDraft, focusThing, shadeDraft, VIEWS, viewOf } from "./picture.js";
+import { freeRoom, indexIn, inWords, kindsOf, made, nameOf } from "./things.js";
+import { yamlOf } from "./yaml.js";
 
 const CHECK_MS = 700; // rest after a change before a check
 const FIRST_SIZE = 0.16; // m, of a thing that a button adds
+
+const ZOOM = 0.58; // of what is seen aslant
+const TURN = 0.008; // rad for a pixel of a drag
+const NUDGE = 0.1; // rad for an arrow key
 
 const SURFACES = ["stl", "obj", "ply", "glb"]; // endings of files for 3D
 
@@ -22,21 +27,55 @@ const state = {
   checked: null, // the things of the newest check
   number: 0, // number of the newest check; answers to older ones are dropped
   ofFile: false, // whether the status is about a file
+  used: "front", // the picture that a hand was at last
+  shaded: 0, // request of a picture
+  yaw: 0.6, // from where the things in space are seen aslant [rad]
+  pitch: 0.4,
 };
 
 const draft = new Draft(changed);
-const picture = () => byId("build-picture");
-const view = () => viewOf(draft.base.walls);
+const pictures = { front: byId("build-picture"), top: byId("build-top") };
+const picture = () => pictures[inSpace() ? state.used : "front"];
+const inSpace = () => draft.base.dim === 3;
+const view = (name) => viewOf(draft.base, draft.room, VIEWS[name]);
 
 function changed() {
   if (draft.things !== state.checked) {
     state.checked = draft.things;
     checkSoon();
   }
-  drawDraft(picture(), view(), draft);
+  showKinds();
+  drawDraft(pictures.front, view("front"), draft);
+  if (inSpace()) {
+    drawDraft(pictures.top, view("top"), draft);
+    shadeSoon();
+  }
   showForm(draft);
   byId("build-undo").disabled = !draft.canGoBack;
-  byId("build-start").disabled = draft.things.length === 0;
+  for (const id of ["build-start", "build-save"]) byId(id).disabled = draft.things.length === 0;
+}
+
+/** Shade what is in space before the browser shows the next picture. */
+function shadeSoon() {
+  cancelAnimationFrame(state.shaded);
+  state.shaded = requestAnimationFrame(() => {
+    if (!inSpace()) return;
+    shadeDraft(byId("build-front-shades"), view("front"), draft);
+    shadeDraft(byId("build-top-shades"), view("top"), draft);
+    shadeDraft(byId("build-preview"), viewOf(draft.base, draft.room, aslant(), ZOOM), draft, true);
+  });
+}
+
+/** Unit vectors to the right, upwards and towards the eye of the picture that a hand turns. */
+function aslant() {
+  const [cy, sy, cp, sp] = [Math.cos(state.yaw), Math.sin(state.yaw), Math.cos(state.pitch), Math.sin(state.pitch)];
+  return [[cy, 0, -sy], [-sy * sp, cp, -cy * sp], [sy * cp, sp, cy * cp]];
+}
+
+function turnPreview(yaw, pitch) {
+  state.yaw += yaw;
+  state.pitch = Math.min(1.5, Math.max(-1.5, state.pitch + pitch));
+  shadeSoon();
 }
 
 /** Check the draft some time after the latest change. */
@@ -128,35 +167,41 @@ function showFindings(findings) {
 function add(name) {
   state.kind = name;
   for (const button of byId("build-kinds").children) button.setAttribute("aria-pressed", String(button.dataset.kind === name));
-  draft.add(made(name, ...freeRoom(draft.base.walls, draft.things, FIRST_SIZE)));
+  draft.add(made(name, ...freeRoom(draft.base.walls, draft.things, FIRST_SIZE), draft.room));
   focusThing(picture(), draft.selected);
 }
 
-/** Add the shape in a drawing or a picture; that of a surface is simulated at once, for the picture here is flat. */
+/** Add the shape in a drawing or a picture to a flat scene, that of a surface to one in space. */
 async function addFile(file) {
   const kind = file.name.split(".").at(-1).toLowerCase();
-  const [[left, bottom], [right, top]] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
+  const dim = SURFACES.includes(kind) ? 3 : 2;
   state.ofFile = true;
-  setText("build-status", `${file.name} is being read.`);
-  try {
-    if (SURFACES.includes(kind)) {
-      const scene = spaceAround(await client.shape(file, kind, { height: 0.3, x: 0.5, y: 0.3, z: 0.5 }));
-      byId("builder").close();
-      state.parts.open({ scene });
+  if (dim !== draft.base.dim) {
+    if (draft.things.length > 0 && draft.edited) {
+      setText("build-status", `${file.name} is ${dim === 3 ? "a surface, and this scene is flat" : "flat, and this scene is 3D"}: begin with “Empty ${dim === 3 ? "3D " : ""}box”.`);
       return;
     }
-    const { shape, vertices } = await client.shape(file, kind, { height: FIRST_SIZE, x: (left + right) / 2, y: (bottom + top) / 2 });
-    draft.add({ part: "obstacles", record: { shape, vertices } });
+    draft.empty(dim);
+  }
+  setText("build-status", `${file.name} is being read.`);
+  const [lower, upper] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
+  const [x, y, z] = lower.map((low, k) => (low + upper[k]) / 2);
+  try {
+    const { shape, vertices, triangles } = await client.shape(file, kind, { height: FIRST_SIZE, x, y, ...(dim === 3 ? { z } : {}) });
+    draft.add({ part: "obstacles", record: dim === 3 ? { shape, vertices, triangles } : { shape, vertices } });
     focusThing(picture(), draft.selected);
   } catch (problem) {
     setText("build-status", `${file.name} is not read: ${problem.detail}.`);
   }
 }
 
-/** A scene in space in which water falls on a surface. */
-function spaceAround({ shape, vertices, triangles }) {
-  const water = { shape: "box", material: "water", lower: [0.25, 0.62, 0.25], upper: [0.75, 0.85, 0.75] };
-  return { name: "water on a surface", dim: 3, resolution: 40, bodies: [water], obstacles: [{ shape, vertices, triangles }] };
+/** Save the scene as a file. */
+function save() {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([yamlOf(draft.scene)], { type: "application/yaml" }));
+  link.download = `${draft.base.name.replaceAll(/[^\w-]+/g, "-") || "scene"}.yaml`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
 async function start() {
@@ -171,23 +216,24 @@ async function start() {
   state.parts.open({ scene: draft.scene });
 }
 
-/** Begin with the current scene, if it is flat. */
+/** Begin with the current scene. */
 async function beginWithShown() {
   try {
     const { scene } = await state.parts.log();
-    if (scene.dim === 2) {
-      draft.begin(scene);
-      return;
-    }
-    setText("build-status", "The current scene is 3D, and this builder is flat: it begins with an empty box.");
+    draft.begin(scene);
   } catch (problem) {
     setText("build-status", `The current scene cannot be read: ${problem.title}. This is an empty box.`);
+    draft.empty(2);
   }
-  draft.begin(null);
 }
 
-function bind() {
-  const buttons = Object.entries(KINDS).map(([name, { title }]) => {
+/** Show what can be added in as many dimensions as the draft has. */
+function showKinds() {
+  const dim = String(draft.base.dim);
+  if (byId("builder").dataset.dim === dim) return;
+  byId("builder").dataset.dim = dim;
+  state.kind = null;
+  const buttons = Object.entries(kindsOf(draft.base.dim)).map(([name, { title }]) => {
     const button = document.createElement("button");
     Object.assign(button, { type: "button", className: `quiet ${name}`, textContent: title });
     button.dataset.kind = name;
@@ -196,22 +242,48 @@ function bind() {
     return button;
   });
   byId("build-kinds").replaceChildren(...buttons);
-  bindHands(picture(), { draft, view, kind: () => state.kind });
+  for (const one of document.querySelectorAll("#builder .in-space")) one.hidden = draft.base.dim === 2;
+}
+
+/** Let hands turn the picture that is seen aslant. */
+function bindPreview() {
+  const preview = byId("build-preview");
+  preview.addEventListener("pointerdown", (event) => preview.setPointerCapture(event.pointerId));
+  preview.addEventListener("pointermove", (event) => {
+    if (preview.hasPointerCapture(event.pointerId)) turnPreview(-TURN * event.movementX, TURN * event.movementY);
+  });
+  preview.addEventListener("keydown", (event) => {
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    if (way === undefined) return;
+    turnPreview(NUDGE * way[0], NUDGE * way[1]);
+    event.preventDefault();
+  });
+}
+
+function bind() {
+  for (const [name, svg] of Object.entries(pictures)) {
+    bindHands(svg, { draft, view: () => view(name), kind: () => state.kind });
+    for (const one of ["pointerdown", "focusin"]) svg.addEventListener(one, () => (state.used = name), { capture: true });
+    svg.addEventListener("dragover", (event) => event.preventDefault());
+    svg.addEventListener("drop", async (event) => {
+      event.preventDefault();
+      const [file] = event.dataTransfer.files;
+      if (file !== undefined) await addFile(file);
+    });
+  }
+  bindPreview();
+  new ResizeObserver(shadeSoon).observe(byId("builder"));
   byId("build-file").addEventListener("click", () => byId("build-chosen").click());
   byId("build-chosen").addEventListener("change", async ({ target }) => {
     const [file] = target.files;
     target.value = ""; // The same file may be chosen again.
     if (file !== undefined) await addFile(file);
   });
-  picture().addEventListener("dragover", (event) => event.preventDefault());
-  picture().addEventListener("drop", async (event) => {
-    event.preventDefault();
-    const [file] = event.dataTransfer.files;
-    if (file !== undefined) await addFile(file);
-  });
   byId("build-undo").addEventListener("click", () => draft.goBack());
   byId("build-delete").addEventListener("click", () => draft.remove());
-  byId("build-empty").addEventListener("click", () => draft.begin(null));
+  byId("build-empty").addEventListener("click", () => draft.empty(2));
+  byId("build-empty-space").addEventListener("click", () => draft.empty(3));
+  byId("build-save").addEventListener("click", save);
   byId("build-shown").addEventListener("click", beginWithShown);
   byId("build-start").addEventListener("click", start);
   byId("build-close").addEventListener("click", () => byId("builder").close());
@@ -224,6 +296,13 @@ function bind() {
   });
 }
 
+/** Load the look of the dialog, which pages without it do not need. */
+function loadStyle() {
+  const link = Object.assign(document.createElement("link"), { rel: "stylesheet", href: new URL("./style.css", import.meta.url).href });
+  document.head.append(link);
+  return new Promise((done) => (link.onload = link.onerror = done));
+}
+
 /**
  * Open the dialog with its earlier draft, be it of an earlier visit, or else with the current scene.
  *
@@ -232,7 +311,10 @@ function bind() {
 export async function openBuilder(given) {
   const first = state.parts === null;
   state.parts = given;
-  if (first) bind();
+  if (first) {
+    await loadStyle();
+    bind();
+  }
   byId("builder").showModal();
   if (!first) {
     changed();

@@ -1,35 +1,23 @@
-// Rigid bodies of a draft: boxes, balls and convex polygons, which may be turned about their centre of mass.
+// Rigid bodies of a flat draft: boxes, balls and convex polygons, which may be turned about their centre of mass. Boxes and balls may
+// lie in space.
 
-const DENSITY = 500; // kg/m^3: half of it floats above water
+import { hullOf } from "./hulls.js";
+
+/** Density of a new rigid body. */
+export const DENSITY = 500; // kg/m^3: half of it floats above water
 const SMALLEST = 0.02; // m
 const TURN_AWAY = 0.05; // distance of the handle that turns a body from its side [m]
 const MOST_HANDLES = 12; // corners of a polygon that each have one
 
 const round = (x) => Math.round(x * 1000) / 1000;
 const rounded = (p) => p.map(round);
-const inBox = (x) => Math.min(1, Math.max(0, x));
 const plus = (a, b) => [a[0] + b[0], a[1] + b[1]];
 const minus = (a, b) => [a[0] - b[0], a[1] - b[1]];
-const middle = (a, b) => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+const middle = (a, b) => a.map((x, k) => (x + b[k]) / 2);
 
 function turned([x, y], angle) {
   const [cosine, sine] = [Math.cos(angle), Math.sin(angle)];
   return [cosine * x - sine * y, sine * x + cosine * y];
-}
-
-/** Corners of the convex hull of some points, anticlockwise. */
-function hullOf(points) {
-  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-  const half = (order) => {
-    const chain = [];
-    for (const p of order) {
-      const bends = ([a, b]) => (b[0] - a[0]) * (p[1] - b[1]) - (b[1] - a[1]) * (p[0] - b[0]) > 0;
-      while (chain.length > 1 && !bends(chain.slice(-2))) chain.pop();
-      chain.push(p);
-    }
-    return chain.slice(0, -1);
-  };
-  return [...half(sorted), ...half(sorted.reverse())];
 }
 
 /** Centre of mass of the convex hull of some points. */
@@ -70,7 +58,7 @@ export const outlineOf = (record) => {
 export const RIGID_KINDS = {
   box: ({ lower, upper }) => ({ shape: "box", lower, upper, density: DENSITY }),
   ball: ({ lower, upper }) => {
-    const radius = Math.min(upper[0] - lower[0], upper[1] - lower[1]) / 2;
+    const radius = Math.min(...upper.map((x, k) => x - lower[k])) / 2;
     return { shape: "ball", center: rounded(middle(lower, upper)), radius: round(radius), density: DENSITY };
   },
   polygon: ({ lower, upper }) => {
@@ -117,7 +105,7 @@ export function resizedRigid(record, handle, at) {
 /** Points that lie so once they are turned about their centre of mass. */
 function turnedBack(points, rotation) {
   const center = centroidOf(points);
-  return points.map((p) => rounded(plus(center, turned(minus(p, center), -rotation)).map(inBox)));
+  return points.map((p) => rounded(plus(center, turned(minus(p, center), -rotation))));
 }
 
 /** A box with another side [m] along an axis, about its middle. */
