@@ -36,7 +36,7 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.coarse import coarse_level
-from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, prepare, prepare_keyframes, push
+from hybridmpm.control import Arrow, Ellipse, Keyframe, Shape, prepare, prepare_keyframes, pull, push
 
 MODULE = re.compile(r'(?<=id="module">)[^<]*')
 """The module that a page tries first, with instructions that not all browsers have."""
@@ -393,6 +393,52 @@ def test_charts_have_the_readings_of_the_library(show: Show, dim: int, coarse: s
     page.click("#reset")
     page.wait_for_function("() => document.body.dataset.frame === '0'")
     assert page.evaluate("() => charts.map((chart) => chart.readings.length)") == [1] * len(read)
+
+
+@pytest.mark.parametrize(("dim", "hand"), [(2, "finger"), (3, "mouse")])
+def test_a_visitor_pulls_a_body_as_the_library_does(show: Show, dim: int, hand: str) -> None:
+    solver = MpmSolver(PLANE if dim == 2 else SPACE)
+    page = show(play(solver).html)
+    if dim == 3:
+        # Of three sides that are seen, each is as bright as it faces the light; the edges are lighter.
+        shades = page.evaluate(
+            """() => {
+              const seen = [];
+              addBodies((place, i, radius, tint, light) => seen.push(`${tint[0]} ${light.toFixed(3)}`));
+              return [...new Set(seen)];
+            }"""
+        )
+        assert len({one.split()[1] for one in shades}) == 3
+        assert len({one.split()[0] for one in shades}) == 3
+    (x, y), (to_x, to_y) = page.evaluate(
+        """() => [[0, 0, 0], [0.1, 0.15, 0]].map((by) => {
+          const box = picture.getBoundingClientRect();
+          const [x, y] = projection()(...poseOf(0).center.map((value, axis) => value + by[axis]));
+          return [box.left + (x * box.width) / picture.width, box.top + (y * box.height) / picture.height];
+        })"""
+    )
+    if hand == "mouse":
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(to_x, to_y, steps=3)
+    else:
+        finger = page.context.new_cdp_session(page)
+        finger.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+        for kind, place in (("Start", (x, y)), ("Move", (to_x, to_y))):
+            point = {"x": place[0], "y": place[1]}
+            finger.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [point]})
+    order = page.evaluate("() => push()")
+    # The force lifts at most a square or cube of water with three tenths of the side between the walls.
+    assert order["strength"] == pytest.approx(1000 * 0.24**dim * 9.81)
+    page.evaluate("async () => await advance(60)")
+    solver.advance(60, pull(**order))
+    assert page.evaluate("async () => (await ask('digest')).digest") == solver.digest()
+    assert np.linalg.norm(solver.rigid_bodies.center[0] - solver.scene.rigid[0].mass_center) > 0.1
+    if hand == "mouse":
+        page.mouse.up()
+    else:
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert page.evaluate("() => push()") is None
 
 
 def test_a_probe_that_does_not_fit_is_refused() -> None:

@@ -29,7 +29,6 @@ from hybridmpm.probes import Probe
 from hybridmpm.probes.series import checked_probe
 from hybridmpm.scene import Scene
 from hybridmpm.scene.obstacles import Obstacle
-from hybridmpm.scene.rigid import RigidBody
 
 __all__ = ["MODULES", "PlayingPage", "drawing_of_bodies", "module", "play", "ways_file"]
 
@@ -164,7 +163,7 @@ def _about(solver: MpmSolver, probes: Mapping[str, Probe]) -> dict[str, Any]:
         "spacing": solver.particle_spacing,
         "simulatedSpacing": solver.pressure_samples().spacing,
         "solids": solids,
-        "rigid": [_rigid(body, lattice, step) for body in scene.rigid],
+        "rigid": [body.solid() for body in scene.rigid],
         "solidStep": step,
         "moves": any(solid["moves"] for solid in solids),
         "probes": [{"name": name, "unit": one.unit, **one.plain(solver)} for name, one in probes.items()],
@@ -206,17 +205,7 @@ def _lattice(scene: Scene) -> tuple[float, npt.NDArray[np.float32]]:
     )
 
 
-def _rigid(body: RigidBody, lattice: npt.NDArray[np.float32], step: float) -> dict[str, Any]:
-    """Return what the page draws of a rigid body in its own frame: its shape, in 3D points of its surface."""
-    if lattice.shape[1] == 2:
-        return {**body.solid(), "points": ""}
-    own = body.own(_points(body, lattice, step).astype(np.float64))
-    return {**body.solid(), "points": _as_numbers(own)}
-
-
-def _points(
-    solid: Obstacle | RigidBody, lattice: npt.NDArray[np.float32], step: float
-) -> npt.NDArray[np.float32]:
+def _points(solid: Obstacle, lattice: npt.NDArray[np.float32], step: float) -> npt.NDArray[np.float32]:
     """Return points that fill a solid, or its surface in 3D [m]."""
     distance = solid.to_native().signed_distance(lattice)
     inside = distance <= 0

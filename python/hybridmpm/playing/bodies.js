@@ -170,7 +170,7 @@ export function trianglesOf(solid) {
 }
 
 /** Whether a point of the own frame in space is of the darker quarters: octants in turn show how a body is turned. */
-export const isMarked = ([x, y, z]) => x * y * z < 0;
+const isMarked = ([x, y, z]) => x * y * z < 0;
 
 /** Draw a body in the plane; `project` takes a point of the world to pixels [x, y], `scale` is in pixels per metre. */
 export function drawFlatBody(context, project, scale, solid, pose) {
@@ -213,14 +213,15 @@ function sidesOf(corners) {
   });
 }
 
-/** Planes of a solid's surface in space. */
-function planesOf(solid) {
-  return facesOf(solid).map(({ points }) => {
-    // Of a face at a pole two corners are one.
-    const far = points.length - 1;
-    return { point: points[0], normal: unit(cross(minus(points[1], points[0]), minus(points[far], points[1]))) };
-  });
+/** The plane of a face. */
+function planeOf(points) {
+  // Of a face at a pole two corners are one.
+  const far = points.length - 1;
+  return { point: points[0], normal: unit(cross(minus(points[1], points[0]), minus(points[far], points[1]))) };
 }
+
+/** Planes of a solid's surface in space. */
+const planesOf = (solid) => facesOf(solid).map(({ points }) => planeOf(points));
 
 /** Where a ray from a point enters a solid, in lengths of its direction; null where it passes by. All in the own frame. */
 function entryOf(solid, from, along) {
@@ -239,22 +240,80 @@ function entryOf(solid, from, along) {
  * the world}; null where there is none.
  */
 export function bodyAt(solids, poses, [x, y]) {
+  if (poses[0]?.center.length === 3) return bodyOnRay(solids, poses, [x, y, 0], [0, 0, -1]);
   let found = null;
-  poses.forEach((pose, body) => {
-    const { center, turn } = pose;
-    if (center.length === 2) {
-      const grip = turnedBack(minus([x, y], center), turn);
-      if (sidesOf(outlineOf(solids[body])).every(({ point, normal }) => dot(minus(grip, point), normal) <= 0)) {
-        found = { body, grip, point: [x, y] };
-      }
-      return;
-    }
-    const [from, along] = [turnedBack([x - center[0], y - center[1], 0], turn), turnedBack([0, 0, -1], turn)];
-    const entry = entryOf(solids[body], from, along);
-    const depth = entry === null ? -Infinity : center[2] - entry;
-    if (entry !== null && (found === null || depth > found.point[2])) {
-      found = { body, grip: plus(from, times(along, entry)), point: [x, y, depth] };
+  poses.forEach(({ center, turn }, body) => {
+    const grip = turnedBack(minus([x, y], center), turn);
+    if (sidesOf(outlineOf(solids[body])).every(({ point, normal }) => dot(minus(grip, point), normal) <= 0)) {
+      found = { body, grip, point: [x, y] };
     }
   });
+  return found;
+}
+
+/** The first body in space that a line enters, from a point along a direction of the world; as `bodyAt`. */
+export function bodyOnRay(solids, poses, start, direction) {
+  let [found, first] = [null, Infinity];
+  poses.forEach(({ center, turn }, body) => {
+    const [from, along] = [turnedBack(minus(start, center), turn), turnedBack(direction, turn)];
+    const entry = entryOf(solids[body], from, along);
+    if (entry === null || entry >= first) return;
+    first = entry;
+    found = { body, grip: plus(from, times(along, entry)), point: plus(start, times(direction, entry)) };
+  });
+  return found;
+}
+
+/** Middles of the cells of a grid over a face of four corners, with the normals there. */
+function* gridOf([a, b, c, d], [p, q, r, s], side) {
+  const [columns, rows] = [[b, a, c, d], [d, a, c, b]].map(([to, from, farTo, farFrom]) =>
+    Math.max(1, Math.ceil(Math.max(Math.hypot(...minus(to, from)), Math.hypot(...minus(farTo, farFrom))) / side)),
+  );
+  const between = (from, to, share) => plus(times(from, 1 - share), times(to, share));
+  for (let i = 0; i < columns; i += 1) {
+    for (let k = 0; k < rows; k += 1) {
+      const [x, y] = [(i + 0.5) / columns, (k + 0.5) / rows];
+      yield [between(between(a, b, x), between(d, c, x), y), unit(between(between(p, q, x), between(s, r, x), y))];
+    }
+  }
+}
+
+/** Points of a square grid in a flat face; at least its middle. */
+function* latticeOf(points, normal, side) {
+  const across = unit(minus(points[1], points[0]));
+  const up = cross(normal, across);
+  const flat = points.map((p) => [dot(minus(p, points[0]), across), dot(minus(p, points[0]), up)]);
+  const lines = sidesOf(flat);
+  const counts = [0, 1].map((k) => [Math.min, Math.max].map((end) => Math.round(end(...flat.map((p) => p[k])) / side)));
+  let isEmpty = true;
+  for (let i = counts[0][0]; i <= counts[0][1]; i += 1) {
+    for (let k = counts[1][0]; k <= counts[1][1]; k += 1) {
+      const at = [i * side, k * side];
+      if (!lines.every((line) => dot(minus(at, line.point), line.normal) <= 0)) continue;
+      isEmpty = false;
+      yield plus(points[0], plus(times(across, at[0]), times(up, at[1])));
+    }
+  }
+  if (isEmpty) yield times(points.reduce(plus), 1 / points.length);
+}
+
+/**
+ * Points over the surface of a solid in space, about one for each square of a side, and along its edges.
+ *
+ * @returns [{point, normal, colour}] in the own frame, coloured as the body, its mark, or its edges
+ */
+export function pointsOf(solid, side) {
+  const found = [];
+  const add = (point, normal) => found.push({ point, normal, colour: isMarked(point) ? BODY_MARK : BODY });
+  for (const { points, normals, edges } of facesOf(solid)) {
+    const { normal } = planeOf(points);
+    if (points.length === 4) for (const place of gridOf(points, normals ?? points.map(() => normal), side)) add(...place);
+    else for (const point of latticeOf(points, normal, side)) add(point, normal);
+    points.forEach((from, k) => {
+      const way = minus(points[(k + 1) % points.length], from);
+      const count = edges[k] ? Math.ceil(Math.hypot(...way) / side) : 0;
+      for (let i = 0; i < count; i += 1) found.push({ point: plus(from, times(way, (i + 0.5) / count)), normal, colour: BODY_EDGE });
+    });
+  }
   return found;
 }

@@ -12,6 +12,11 @@ const SCALE = [[30, 60, 150], [40, 130, 220], [90, 210, 230], [250, 240, 140], [
 const UNITS = { speed: "m/s", pressure: "Pa", density: "of rest" };
 const PICTURE = 30; // longest computation from one picture to the next [ms]
 const HAND = { radius: 0.08, cap: 15 }; // m, g
+const LIFTED = 0.3; // side of the square or cube of water that a hand can lift, over the shortest way between two walls
+const GRASP = "#58b9ff";
+const LIGHT = [-0.37, 0.78, 0.51]; // from where bodies are lit: right, up, near
+const GRAIN = 0.4; // distance of the points that show bodies, over that of the points of obstacles
+const MOST_GRAINS = 40_000;
 const MARGIN = 0.04; // of the picture, around the walls
 const DRAWN = { frames: 160, hold: 80, cap: 15 * 9.81 }; // until the fluid is there, for which it stays; m/s^2
 const ELASTIC = 7; // type of particles
@@ -73,7 +78,7 @@ let playing = false;
 let busy = false;
 let owed = 0; // frames that real time is ahead
 let last = 0; // time of the latest picture [ms]
-let hand = null;
+let hand = null; // {point, velocity, time}, with {body, grip, depth} of one that holds a body
 let turning = null;
 let stroke = null; // points of what is being drawn
 let drawn = null; // what was drawn last, as a sketch of the scene
@@ -105,19 +110,29 @@ function projection() {
     const scale = (1 - 2 * MARGIN) * Math.min(width / size[0], height / size[1]);
     return (x, y) => [width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale, 0, scale];
   }
-  const [cy, sy, cp, sp] = [Math.cos(camera.yaw), Math.sin(camera.yaw), Math.cos(camera.pitch), Math.sin(camera.pitch)];
-  const longest = Math.hypot(...size);
-  const distance = camera.distance * longest;
-  const focal = 1.75 * Math.min(width, height);
+  const { longest, distance, focal, rows } = eye();
+  const [right, up, near] = rows;
   return (x, y, z) => {
     const [a, b, c] = [x - middle[0], y - middle[1], z - middle[2]];
-    const right = cy * a - sy * c;
-    const back = sy * a + cy * c;
-    const up = cp * b - sp * back;
-    const depth = distance - (sp * b + cp * back);
+    const depth = distance - (near[0] * a + near[1] * b + near[2] * c);
     const scale = focal / depth;
-    return [width / 2 + right * scale, height / 2 - up * scale, depth / longest, scale];
+    const across = right[0] * a + right[1] * b + right[2] * c;
+    return [width / 2 + across * scale, height / 2 - (up[0] * a + up[1] * b + up[2] * c) * scale, depth / longest, scale];
   };
+}
+
+/** From where a scene in space is seen: directions to the right, upwards and to the eye, and its distance from the middle [m]. */
+function eye() {
+  const [cy, sy, cp, sp] = [Math.cos(camera.yaw), Math.sin(camera.yaw), Math.cos(camera.pitch), Math.sin(camera.pitch)];
+  const longest = Math.hypot(...scene.lower.map((low, axis) => scene.upper[axis] - low));
+  const rows = [[cy, 0, -sy], [-sp * sy, cp, -sp * cy], [cp * sy, sp, cp * cy]];
+  return { longest, distance: camera.distance * longest, focal: 1.75 * Math.min(picture.width, picture.height), rows };
+}
+
+/** Where a rigid body is: {center, turn}, as bodies.js has them. */
+function poseOf(body) {
+  const [x, y, z, ...turn] = state.rigid.subarray(13 * body, 13 * body + 7);
+  return dim === 2 ? { center: [x, y], turn: 2 * Math.atan2(turn[3], turn[0]) } : { center: [x, y, z], turn };
 }
 
 function ramp(share) {
@@ -153,22 +168,17 @@ function draw() {
     part("high").textContent = `${high} ${UNITS[wanted]}`;
   }
   const solids = scene.resting.concat(state.moved);
-  const shown = solids.concat(state.bodies);
-  const cloud = new Cloud(shown.reduce((total, solid) => total + solid.length / dim, 0) + state.values.length);
-  const add = (x, i, radius, tint) => {
+  const grains = scene.rigid.reduce((total, { grains: { length } }) => total + length, 0);
+  const cloud = new Cloud(solids.reduce((total, solid) => total + solid.length / dim, 0) + grains + state.values.length);
+  const add = (x, i, radius, tint, light = 1) => {
     const at = dim === 2 ? project(x[i], x[i + 1]) : project(x[i], x[i + 1], x[i + 2]);
-    const shade = dim === 2 ? 1 : Math.min(1.25, Math.max(0.35, 1.9 - 0.42 * at[2]));
+    const shade = dim === 2 ? 1 : light * Math.min(1.25, Math.max(0.35, 1.9 - 0.42 * at[2]));
     cloud.add(at, Math.max(radius * at[3], 0.8), packed(tint, shade));
   };
   for (const solid of solids) {
     for (let i = 0; i < solid.length; i += dim) add(solid, i, 0.75 * scene.solidStep, SOLID);
   }
-  state.bodies.forEach((points, body) => {
-    const own = scene.rigid[body].points;
-    for (let i = 0; i < points.length; i += dim) {
-      add(points, i, 0.75 * scene.solidStep, isMarked(own.subarray(i, i + dim)) ? BODY_MARK : BODY);
-    }
-  });
+  if (dim === 3) addBodies(add);
   const tints = scene.types.map((type) => {
     const kind = SUBSTANCES[type] ?? SUBSTANCES[5];
     return Array.from({ length: TINTS }, (_, i) =>
@@ -184,9 +194,8 @@ function draw() {
   pen.putImageData(image, 0, 0);
   if (dim === 2) {
     scene.rigid.forEach((solid, body) => {
-      const [x, y, , w, , , z] = state.rigid.subarray(13 * body);
-      const pose = { center: [x, y], turn: 2 * Math.atan2(z, w) };
-      drawFlatBody(pen, ([a, b]) => project(a, b), project(x, y)[3], solid, pose);
+      const pose = poseOf(body);
+      drawFlatBody(pen, ([a, b]) => project(a, b), project(...pose.center)[3], solid, pose);
     });
   }
   drawWalls(project);
@@ -196,6 +205,34 @@ function draw() {
   }
   if (stroke !== null) drawSketch(project, ratio, { lines: [stroke], isArrow: stroke.length > 1 && part("drag").value === "arrow" });
   if (hand !== null) drawHand(project, ratio);
+}
+
+/** Add the side of the rigid bodies in space that is seen, lit from above. */
+function addBodies(add) {
+  const { rows, distance } = eye();
+  const from = scene.lower.map((low, axis) => (low + scene.upper[axis]) / 2 + distance * rows[2][axis]);
+  const light = rows[0].map((_, axis) => LIGHT.reduce((sum, share, i) => sum + share * rows[i][axis], 0));
+  const product = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  scene.rigid.forEach(({ grains, grain }, body) => {
+    const pose = poseOf(body);
+    // In the body's own frame nothing has to be turned.
+    const [eyeThere, lightThere] = [turnedBack(from.map((x, axis) => x - pose.center[axis]), pose.turn), turnedBack(light, pose.turn)];
+    const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => turned(axis, pose.turn));
+    const place = [0, 0, 0];
+    for (const { point, normal, colour } of grains) {
+      if (product(normal, eyeThere) <= product(normal, point)) continue;
+      for (let k = 0; k < 3; k += 1) place[k] = pose.center[k] + point[0] * axes[0][k] + point[1] * axes[1][k] + point[2] * axes[2][k];
+      add(place, 0, 0.78 * grain, colour, 0.5 + 0.6 * Math.max(0, product(normal, lightThere)));
+    }
+  });
+}
+
+/** Spread points over the rigid bodies in space. */
+function sow() {
+  const area = (solid) => scene.solidStep ** 2 * pointsOf(solid, scene.solidStep).length;
+  const whole = scene.rigid.reduce((sum, solid) => sum + area(solid), 0);
+  const grain = Math.max(GRAIN * scene.solidStep, Math.sqrt(whole / MOST_GRAINS));
+  for (const solid of scene.rigid) Object.assign(solid, { grain, grains: pointsOf(solid, grain) });
 }
 
 /** Discs, drawn from the farthest to the nearest. */
@@ -308,10 +345,18 @@ function drawMark(project, ratio, mark) {
 
 function drawHand(project, ratio) {
   const [x, y, , scale] = project(...hand.point);
-  pen.strokeStyle = "#58b9ff";
+  if (hand.body !== undefined) {
+    const [gripX, gripY] = project(...placeOf(hand.grip, poseOf(hand.body)));
+    drawLine((a, b) => [a, b], 2 * ratio, [[gripX, gripY], [x, y]], GRASP);
+    pen.fillStyle = GRASP;
+    pen.beginPath();
+    pen.arc(gripX, gripY, 4 * ratio, 0, 2 * Math.PI);
+    pen.fill();
+  }
+  pen.strokeStyle = GRASP;
   pen.lineWidth = 1.5 * ratio;
   pen.beginPath();
-  pen.arc(x, y, HAND.radius * scale, 0, 2 * Math.PI);
+  pen.arc(x, y, hand.body === undefined ? HAND.radius * scale : 8 * ratio, 0, 2 * Math.PI);
   pen.stroke();
 }
 
@@ -415,21 +460,45 @@ document.onkeydown = ({ key, target }) => {
 
 // Hand and camera.
 
-/** The point of the world under the pointer: in 3D, in the plane through the middle that faces the eye. */
-function under({ clientX, clientY }) {
+/** The point of the world under the pointer: in 3D, in a plane that faces the eye, at its distance [m] or through the middle. */
+function under({ clientX, clientY }, depth = null) {
   const box = picture.getBoundingClientRect();
   const [x, y] = [((clientX - box.left) / box.width) * picture.width, ((clientY - box.top) / box.height) * picture.height];
   const middle = scene.lower.map((low, axis) => (low + scene.upper[axis]) / 2);
   const [mx, my, , scale] = projection()(...middle);
-  const [right, up] = [(x - mx) / scale, (my - y) / scale];
-  if (dim === 2) return [middle[0] + right, middle[1] + up];
-  const [cy, sy, cp, sp] = [Math.cos(camera.yaw), Math.sin(camera.yaw), Math.cos(camera.pitch), Math.sin(camera.pitch)];
-  return [middle[0] + cy * right - sy * sp * up, middle[1] + cp * up, middle[2] - sy * right - cy * sp * up];
+  if (dim === 2) return [middle[0] + (x - mx) / scale, middle[1] + (my - y) / scale];
+  const { distance, focal, rows } = eye();
+  const away = depth ?? distance;
+  const way = [((x - mx) / focal) * away, ((my - y) / focal) * away, distance - away];
+  return middle.map((value, axis) => value + way.reduce((sum, part, i) => sum + part * rows[i][axis], 0));
+}
+
+/** The rigid body under the pointer: {body, grip, depth: its distance from the eye}; null where there is none. */
+function bodyUnder(event) {
+  const poses = scene.rigid.map((_, body) => poseOf(body));
+  if (dim === 2) return bodyAt(scene.rigid, poses, under(event));
+  const { distance } = eye();
+  const [from, to] = [under(event, 0), under(event)];
+  const direction = to.map((x, axis) => x - from[axis]);
+  const found = bodyOnRay(scene.rigid, poses, from, direction);
+  if (found === null) return null;
+  // The direction leads from the eye to the plane through the middle.
+  const share = Math.hypot(...found.point.map((x, axis) => x - from[axis])) / Math.hypot(...direction);
+  return { ...found, depth: share * distance };
+}
+
+/** Largest force of a hand that holds a body [N], in 2D per metre of depth, as on the page of the service. */
+function pullStrength() {
+  const side = LIFTED * Math.min(...scene.upper.map((high, axis) => high - scene.lower[axis]));
+  return 1000 * side ** dim * (Math.hypot(...scene.gravity) || 9.81);
 }
 
 /** The hand as the solver takes it: a hand that rests longer than a moment pushes no more. */
 function push() {
   if (hand === null) return null;
+  if (hand.body !== undefined) {
+    return { body: hand.body, grip: hand.grip, target: hand.point, reach: HAND.radius * scene.unit, strength: pullStrength() };
+  }
   const rests = performance.now() - hand.time > 80;
   return { ...HAND, point: hand.point, velocity: rests ? hand.velocity.map(() => 0) : hand.velocity };
 }
@@ -463,12 +532,19 @@ async function sketch(points, isArrow) {
 }
 
 picture.onpointerdown = (event) => {
+  if (!event.isPrimary || state === null) return; // a second finger does nothing
   picture.setPointerCapture(event.pointerId);
   if (["arrow", "shape"].includes(part("drag").value)) stroke = [under(event)];
   else if (dim === 3 && (part("drag").value === "turn" || event.button === 2)) turning = event;
-  else hand = { point: under(event), velocity: new Array(dim).fill(0), time: performance.now() };
+  else {
+    const held = bodyUnder(event);
+    const point = held?.point ?? under(event);
+    hand = { ...held, point, velocity: new Array(dim).fill(0), time: performance.now() };
+  }
+  if (!playing) draw();
 };
 picture.onpointermove = (event) => {
+  if (!event.isPrimary) return;
   if (turning !== null) {
     camera.yaw -= 0.006 * (event.clientX - turning.clientX);
     camera.pitch = Math.min(1.5, Math.max(-0.2, camera.pitch + 0.006 * (event.clientY - turning.clientY)));
@@ -478,14 +554,15 @@ picture.onpointermove = (event) => {
     trace(under(event));
     if (!playing) draw();
   } else if (hand !== null) {
-    const [point, now] = [under(event), performance.now()];
+    const [point, now] = [under(event, hand.depth), performance.now()];
     const seconds = Math.max(now - hand.time, 4) / 1000;
     const velocity = point.map((value, axis) => (value - hand.point[axis]) / seconds);
-    hand = { point, velocity: velocity.map((v, axis) => 0.5 * v + 0.5 * hand.velocity[axis]), time: now };
+    hand = { ...hand, point, velocity: velocity.map((v, axis) => 0.5 * v + 0.5 * hand.velocity[axis]), time: now };
     if (!playing) draw();
   }
 };
-picture.onpointerup = picture.onpointercancel = ({ type }) => {
+picture.onpointerup = picture.onpointercancel = ({ type, isPrimary }) => {
+  if (!isPrimary) return;
   const [line, isArrow] = [stroke, part("drag").value === "arrow"];
   [hand, turning, stroke] = [null, null, null];
   if (type === "pointerup" && line !== null && line.length > (isArrow ? 1 : 2)) sketch(line, isArrow);
@@ -523,12 +600,14 @@ async function start() {
     const moving = scene.solids
       .filter(({ moves }) => moves)
       .map(({ obstacle, points }) => ({ obstacle, points: unpackedNumbers(points) }));
-    for (const body of scene.rigid) body.points = unpackedNumbers(body.points);
     const modules = [stored("module"), stored("module-exact")];
     charts = scene.probes.map((probe) => new Chart(probe, part("charts")));
     const given = { modules, start: stored("start"), path: stored("ways"), moving, about: scene };
     const opened = await ask("open", given);
     ({ dim, frameDt } = opened);
+    for (const body of scene.rigid) body.grains = [];
+    if (dim === 3) sow();
+    if (scene.rigid.length > 0) part("drag").options[0].text = "push or pull";
     // In space a hand draws in no plane of its own.
     for (const one of [...part("drag").options]) {
       if (one.value !== "push" && (one.value === "turn") === (dim === 2)) one.remove();

@@ -5,7 +5,7 @@ let player = 0; // address of the simulation
 let startFile = null; // bytes
 let ways = null; // bytes, of those who follow a sketch
 let solids = []; // [{ obstacle, points: Float32Array }], moving ones
-let bodies = []; // rigid ones, with points in their own frames: Float32Array
+let bodies = 0; // number of rigid ones
 let readings = null; // of the probes; null without any
 let readEvery = 1; // frames
 let forces = 0; // numbers in the forces on walls and obstacles
@@ -80,16 +80,26 @@ const now = {
   },
   /** 13 numbers of each rigid body: centre, quaternion with the scalar first, velocity, angular velocity. */
   rigid: () =>
-    bodies.length > 0 ? new Float64Array(core.memory.buffer, core.rigid(player), 13 * bodies.length).slice() : [],
+    bodies > 0 ? new Float64Array(core.memory.buffer, core.rigid(player), 13 * bodies).slice() : new Float64Array(0),
   forces() {
     const address = core.forces(player);
     return address ? new Float64Array(core.memory.buffer, address, forces).slice() : null;
   },
 };
 
-/** Advance by frames; `hand` is null or { point, velocity, radius, cap }. Returns readings: [frame, values]. */
+/** A hand as the module takes it; none where there is no hand. */
+function numbersOf(hand) {
+  if (hand === null) return [];
+  if (hand.body === undefined) return [...hand.point, ...hand.velocity, hand.radius, hand.cap];
+  return [hand.body, ...hand.grip, ...hand.target, hand.reach, hand.strength];
+}
+
+/**
+ * Advance by frames. `hand` is null, { point, velocity, radius, cap } of one that pushes, or { body, grip, target, reach, strength }
+ * of one that pulls. Returns readings: [frame, values].
+ */
 function advance(frames, hand) {
-  const numbers = hand === null ? [] : [...hand.point, ...hand.velocity, hand.radius, hand.cap];
+  const numbers = numbersOf(hand);
   const found = [];
   // Without probes all frames are one call.
   const step = readings === null ? frames : 1;
@@ -107,14 +117,12 @@ function advance(frames, hand) {
 /** What the page draws: all arrays are copies. */
 function state(wanted) {
   const [count, dim] = [core.count(player), core.dim()];
-  const numbers = now.rigid();
   const found = {
     frame: core.frame(player),
     positions: now.positions(),
     materials: bytesAt(core.materials(player), count),
     values: null,
-    rigid: numbers,
-    bodies: bodies.map(({ points }, body) => placedPoints(numbers, body, points, dim)),
+    rigid: now.rigid(),
     moved: solids.map(({ obstacle, points }) => {
       give(points);
       return numbersAt(core.moved(player, obstacle, points.length), points.length);
@@ -145,7 +153,7 @@ const orders = {
     [startFile, ways] = [await unpacked(start), await unpacked(path)];
     solids = moving;
     readEvery = about.readEvery;
-    bodies = about.rigid;
+    bodies = about.rigid.length;
     if (about.probes.length > 0) readings = new Readings(about, now);
     forces = (2 * core.dim() + about.solids.length) * 3 * (core.dim() - 1);
     begin();
