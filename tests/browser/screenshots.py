@@ -34,6 +34,7 @@ GALLERY_FRAMES = {
     "sand-and-water": 120,
     "jelly": 150,
     "rigid-bodies": 170,
+    "crates": 130,
     "viscous-liquids": 240,
     "cascade": 700,
     "letters": 110,
