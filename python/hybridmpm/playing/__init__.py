@@ -188,8 +188,13 @@ def _page(solver: MpmSolver, name: str, text: str, about: dict[str, Any], ways: 
         "module": _as_text(module(space)),
         "module-exact": _as_text(module(f"{space}-exact")),
         "worker": "\n".join(_asset(name).decode() for name in ("readings.js", "worker.js")),
+        # Without rigid bodies nothing of their drawing is called.
         "player": "\n".join(
-            [_asset("charts.js").decode(), _inlined(drawing_of_bodies()), _asset("player.js").decode()]
+            [
+                _asset("charts.js").decode(),
+                *([_inlined(drawing_of_bodies())] if about["rigid"] else []),
+                _asset("player.js").decode(),
+            ]
         ),
     }
     return re.sub(r"\{\{([a-z-]+)\}\}", lambda place: parts[place[1]], _asset("page.html").decode())

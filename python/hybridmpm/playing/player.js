@@ -475,6 +475,7 @@ function under({ clientX, clientY }, depth = null) {
 
 /** The rigid body under the pointer: {body, grip, depth: its distance from the eye}; null where there is none. */
 function bodyUnder(event) {
+  if (scene.rigid.length === 0) return null;
   const poses = scene.rigid.map((_, body) => poseOf(body));
   if (dim === 2) return bodyAt(scene.rigid, poses, under(event));
   const { distance } = eye();
