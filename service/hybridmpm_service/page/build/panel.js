@@ -18,6 +18,8 @@ const NUDGE = 0.1; // rad for an arrow key
 
 const SURFACES = ["stl", "obj", "ply", "glb"]; // endings of files for 3D
 
+const MOST_PLACES = 8000; // triangles and corners of a surface; the service takes 32768 values in a request
+
 const STORED = "hybridmpm.draft"; // name of the draft in the browser's storage
 
 const state = {
@@ -188,6 +190,10 @@ async function addFile(file) {
   const [x, y, z] = lower.map((low, k) => (low + upper[k]) / 2);
   try {
     const { shape, vertices, triangles } = await client.shape(file, kind, { height: FIRST_SIZE, x, y, ...(dim === 3 ? { z } : {}) });
+    if (dim === 3 && triangles.length + vertices.length > MOST_PLACES) {
+      setText("build-status", `${file.name} has ${triangles.length} triangles, and a scene of the page takes about 5000: simplify it, or read it with MeshObstacle.read in Python.`);
+      return;
+    }
     draft.add({ part: "obstacles", record: dim === 3 ? { shape, vertices, triangles } : { shape, vertices } });
     focusThing(picture(), draft.selected);
   } catch (problem) {
@@ -241,7 +247,9 @@ function showKinds() {
     button.addEventListener("click", () => add(name));
     return button;
   });
+  const hadFocus = byId("build-kinds").contains(document.activeElement);
   byId("build-kinds").replaceChildren(...buttons);
+  if (hadFocus) buttons[0].focus();
   for (const one of document.querySelectorAll("#builder .in-space")) one.hidden = draft.base.dim === 2;
 }
 
@@ -261,6 +269,7 @@ function bindPreview() {
 }
 
 function bind() {
+  showKinds();
   for (const [name, svg] of Object.entries(pictures)) {
     bindHands(svg, { draft, view: () => view(name), kind: () => state.kind });
     for (const one of ["pointerdown", "focusin"]) svg.addEventListener(one, () => (state.used = name), { capture: true });

@@ -135,11 +135,17 @@ const thinned = (points) => points.filter((_, i) => i % Math.ceil(points.length 
 /** The outline of a record in a view: corners [x, y] of the picture. */
 export const outlineIn = (record, view) => hullOf(cornersOf(record).map((corner) => view.to(corner)));
 
-const boundsOfPoints = (points) =>
-  points.reduce(
-    ([low, high], p) => [low.map((x, k) => Math.min(x, p[k])), high.map((x, k) => Math.max(x, p[k]))],
-    [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]],
-  );
+/** Corners of the box around some points. */
+const boundsOfPoints = kept((points) => {
+  const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
+  for (const p of points) {
+    for (let k = 0; k < 3; k += 1) {
+      low[k] = Math.min(low[k], p[k]);
+      high[k] = Math.max(high[k], p[k]);
+    }
+  }
+  return [low, high];
+});
 
 /** Corners of the box around a record that is turned, a cylinder or a surface [m]; of others undefined. */
 export const boundsInSpace = kept((record) => {
@@ -199,7 +205,10 @@ const rightOf = ({ rows }) => rows[0];
 const upOf = ({ rows }) => rows[1];
 
 /** How far a surface reaches from its centre in a direction [m]. */
-const reachOf = (record, direction) => Math.max(...cornersOf(record).map((p) => dot(minus(p, centerInSpace(record)), direction)));
+function reachOf(record, direction) {
+  const center = centerInSpace(record);
+  return Math.max(...cornersOf(record).map((p) => dot(minus(p, center), direction)));
+}
 
 /** The arrow of a body whose angle in a view the handle shows: unit vector in its plane; null where it is seen from its tip. */
 function arrowIn(record, view) {
