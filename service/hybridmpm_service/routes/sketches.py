@@ -30,7 +30,7 @@ from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.inputs import SketchSettings
-from hybridmpm_service.sessions.simulation import Steered
+from hybridmpm_service.sessions.steering import Steered
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.work import Report, traced
 

@@ -17,7 +17,8 @@ from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.lead import SILENT_SECONDS, Lead, hand_of, note
 from hybridmpm_service.sessions.player import Clock, Machine, Player
 from hybridmpm_service.sessions.revival import SessionLog, log_of
-from hybridmpm_service.sessions.simulation import Simulation, Steered
+from hybridmpm_service.sessions.simulation import Simulation
+from hybridmpm_service.sessions.steering import Steered
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans, Control, Particles, View
 from hybridmpm_service.sessions.viewers import Audience, Mailbox
