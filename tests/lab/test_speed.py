@@ -1,5 +1,6 @@
 """Measurements of speed: their rows are complete and true, whatever the machine's speed."""
 
+import dataclasses
 import importlib.util
 import itertools
 import math
@@ -18,7 +19,7 @@ from hybridmpm_lab.commands import cli
 from hybridmpm_lab.harness import timing
 from hybridmpm_lab.harness.rows import read_rows
 from hybridmpm_lab.harness.timing import Calibration
-from hybridmpm_lab.speed import solver
+from hybridmpm_lab.speed import packages, solver
 from hybridmpm_lab.speed.baselines import SOLVERS
 
 ORIGIN = {"machine", "date", "commit", "command", "solver_version", "ingredients"}
@@ -51,6 +52,30 @@ def test_rows_of_the_solver(tmp_path: Path) -> None:
         per_frame = row["ms_per_frame"] * 1e6 / (row["particles"] * row["substeps"])
         assert row["ns_per_particle_substep"] == pytest.approx(per_frame, rel=0.01)
         assert row["loaded"] == (row["slowdown"] >= timing.QUIET)
+
+
+def test_packages_of_others_are_timed_between_runs_of_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    absent = CliRunner().invoke(cli, ["packages", "--package", "splishsplash"])
+    if importlib.util.find_spec("pysplishsplash") is None:
+        assert "pysplishsplash is not installed: pip install --editable 'lab[packages]'" in absent.output
+    # In its place our own solver, which then is exactly where ours is.
+    monkeypatch.setattr(packages, "version", lambda _: "1.0")
+    monkeypatch.setitem(
+        packages.PACKAGES,
+        "splishsplash",
+        dataclasses.replace(packages.PACKAGES["splishsplash"], run=packages._hybridmpm),
+    )
+    file = tmp_path / "rows.json"
+    arguments = ["--package", "splishsplash", "--particles", "216", "--json", str(file)]
+    result = CliRunner().invoke(cli, ["packages", *arguments])
+    assert result.exit_code == 0, result.output
+    (row,) = read_rows(file)
+    assert (row["package"], row["material"], row["particles"]) == ("pysplishsplash 1.0", "water", 216)
+    assert (row["steps"], row["inside"], row["apart"]) == (row["ours_steps"], 1.0, 0.0)
+    assert row["ratio"] == pytest.approx(row["ms_per_frame"] / row["ours_ms_per_frame"], rel=0.01)
+    assert "SPH" in row["differs"]
 
 
 def test_rows_of_the_cost_of_forces(tmp_path: Path) -> None:
