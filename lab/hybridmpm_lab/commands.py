@@ -16,6 +16,7 @@ _MODULES = {
     "packages": "speed.packages",
     "plan-errors": "compare.plan_errors",
     "playing": "speed.playing",
+    "scaling": "speed.scaling",
     "service": "service.command",
     "speed": "speed.solver",
     "stability": "stability.map",

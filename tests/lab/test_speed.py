@@ -78,6 +78,18 @@ def test_packages_of_others_are_timed_between_runs_of_ours(
     assert "SPH" in row["differs"]
 
 
+def test_slopes_of_what_grows(tmp_path: Path) -> None:
+    sizes = ["--particles", "216", "--particles", "512", "--scenes", "1", "--scenes", "3"]
+    printed, rows = measured(tmp_path, "scaling", "--part", "particles", "--part", "scenes", *sizes)
+    lines = {(row["part"], row["line"]): [one for one in rows if one["line"] == row["line"]] for row in rows}
+    assert len(lines) == len(solver.CASES) + 1
+    for first, second in lines.values():
+        assert first["size"] < second["size"]
+        slope = math.log(second["value"] / first["value"]) / math.log(second["size"] / first["size"])
+        assert first["slope"] == second["slope"] == pytest.approx(slope, abs=0.01)
+    assert "ms a substep" in printed
+
+
 def test_rows_of_the_cost_of_forces(tmp_path: Path) -> None:
     printed, (row,) = measured(tmp_path, "forces", "--scenario", "water_2d", "--repeats", "2", chart=False)
     assert row["scene"] == "water_2d"

@@ -85,16 +85,20 @@ def measure(settings: PlayingSettings, on_progress: Progress) -> Iterator[Row]:
         browser.close()
 
 
-def _timed(solver: MpmSolver, page: Page, settings: PlayingSettings) -> Row:
+def page_calls(solver: MpmSolver, page: Page, frames: int) -> list[TimedCall]:
+    """Return calls that advance a solver, and the page that plays it, from the same state."""
     start = solver.snapshot()
-    calls = [
-        TimedCall(prepare=partial(solver.restore, start), call=partial(solver.advance, _FRAMES)),
+    return [
+        TimedCall(prepare=partial(solver.restore, start), call=partial(solver.advance, frames)),
         TimedCall(
             prepare=partial(page.evaluate, "async () => await ask('reset', { wanted: 'speed' })"),
-            call=lambda: float(page.evaluate(_ADVANCE, _FRAMES)),
+            call=lambda: float(page.evaluate(_ADVANCE, frames)),
         ),
     ]
-    times = seconds_by_turns(calls, settings.repeats)
+
+
+def _timed(solver: MpmSolver, page: Page, settings: PlayingSettings) -> Row:
+    times = seconds_by_turns(page_calls(solver, page, _FRAMES), settings.repeats)
     native, mine = (1e3 * float(np.percentile(each, 25)) / _FRAMES for each in times)
     page.evaluate("async () => await advance(0)")
     page.evaluate(_COUNT_PICTURES)

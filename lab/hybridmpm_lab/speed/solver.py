@@ -63,14 +63,15 @@ class SolverSettings:
         return len(self.blocks) * len(self.threads)
 
 
-def falling_block(dim: int, material: str, particles: int) -> Scene:
+def falling_block(dim: int, material: str, particles: int, resolution: int | None = None) -> Scene:
     """Return a scene with one block of at most `particles` particles that falls aslant.
 
-    The block fills at most half of the box: 20 000 particles at 128^2 fill it, more get a finer grid.
+    Without a resolution the block fills at most half of the box: 20 000 particles at 128^2 fill it, more get
+    a finer grid.
     """
     cells = math.pow(particles / 0.5, 1 / dim) / 2  # along an axis of the box, at 2**D particles each
     fine_enough: int = 32 * math.ceil(cells / (_HIGH - _LOW) / 32)
-    resolution = max(fine_enough, 128 if dim == 2 else 64)
+    resolution = resolution or max(fine_enough, 128 if dim == 2 else 64)
     spacing = 0.5 / resolution
     sides = [spacing * count for count in _counts(particles, dim)]
     # On the lattice of the sampler, so that the count is exact.
