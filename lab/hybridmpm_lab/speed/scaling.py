@@ -203,7 +203,10 @@ def draw(rows: Sequence[Row], file: Path) -> None:
         axis.set(xscale="log", yscale="log", xlabel=_LABELS[part], ylabel=here[0]["unit"])
         charts.plain_log_ticks(axis.xaxis)
         charts.plain_log_ticks(axis.yaxis)
-        axis.legend(title="slope", fontsize=8, title_fontsize=8)
+        if len(lines) > len(CASES):  # room for the legend below
+            axis.set_ylim(bottom=min(row["value"] for row in here) / 8)
+        where = {"loc": "lower center", "ncols": 2} if len(lines) > len(CASES) else {}
+        axis.legend(title="slope", fontsize=8, title_fontsize=8, **where)
     charts.save(figure, file)
 
 
