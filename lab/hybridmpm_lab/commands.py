@@ -16,7 +16,7 @@ _MODULES = {
     "packages": "speed.packages",
     "plan-errors": "compare.plan_errors",
     "playing": "speed.playing",
-    "scaling": "speed.scaling",
+    "scaling": "compare.scaling",
     "service": "service.command",
     "speed": "speed.solver",
     "stability": "stability.map",

@@ -65,7 +65,8 @@ LIMITS = {
     # 125 draw a sheet of them, and time plans.
     # 155 lines time what obstacles and touching bodies cost; 135 bend a beam and turn a drum.
     # 240 lines let rigid bodies float, slide, roll, tip and stand.
-    "laboratory": (("lab/**.py",), 10_830),
+    # 340 lines time whole packages of others; 235 chart how the cost grows.
+    "laboratory": (("lab/**.py",), 11_410),
     # Sealed files of sessions; one door for all routes; turns, processes and rounds
     # of the event loop that bound what clients can cost. 190 lines write the gallery as a site,
     # 250 count and log requests, frames and work, 130 are for several nodes.
@@ -83,7 +84,8 @@ LIMITS = {
     # 75 lines let tabs follow sketches.
     # 150 lines are for rigid bodies and hands that pull at them.
     # 10 lines take closed surfaces as goals.
-    "service": (("service/**.py",), 13_205),
+    # 10 lines part what steers from the simulation.
+    "service": (("service/**.py",), 13_215),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
     # 100 lines are for contact of elastic bodies.
@@ -124,8 +126,9 @@ LIMITS = {
     # 180 lines fill closed surfaces.
     # 220 lines take rigid bodies into files of all kinds, onto meshes and into pages that play.
     # 150 lines build scenes in space, and pull at bodies in pages that play.
-    "tests": (("tests/**.py",), 38_760),
-    "tests of the laboratory": (("tests/lab/**.py",), 2_065),
+    # 45 lines time packages of others, and what grows.
+    "tests": (("tests/**.py",), 38_805),
+    "tests of the laboratory": (("tests/lab/**.py",), 2_110),
 }
 """Patterns of git, and the most lines of the files that they match."""
 
