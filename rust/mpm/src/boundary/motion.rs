@@ -1,7 +1,7 @@
 //! Prescribed rigid motion of obstacles.
 
 use crate::error::MpmError;
-use crate::linalg::{Matrix, Vector};
+use crate::linalg::{LANES, Lanes, Matrix, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Motion back and forth instead of on and on.
@@ -203,6 +203,21 @@ impl<const D: usize> Pose<D> {
     /// Position at time 0 of the point of the solid that is at `x` now.
     pub fn at_start(&self, x: &Vector<D>) -> Vector<D> {
         self.rotation.tr_mul(&(x - self.center)) + self.start
+    }
+
+    /// The same of several points, but for rounding.
+    #[inline(always)]
+    pub fn all_at_start(&self, x: &[Lanes; D]) -> [Lanes; D] {
+        let mut at_start = [[0.0; LANES]; D];
+        for row in 0..D {
+            let start = self.start[row];
+            for i in 0..LANES {
+                let part =
+                    |axis: usize| self.rotation[(axis, row)] * (x[axis][i] - self.center[axis]);
+                at_start[row][i] = (0..D).fold(start, |sum, axis| sum + part(axis));
+            }
+        }
+        at_start
     }
 
     /// Position now of the point of the solid that is at `x` at time 0.

@@ -4,7 +4,7 @@ use super::contact::{Contact, ContactKind, Walls};
 use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
 use crate::error::MpmError;
-use crate::linalg::Vector;
+use crate::linalg::{Lanes, Vector};
 use serde::{Deserialize, Serialize};
 
 /// A face counts as on a wall up to this distance from it [lengths of the world].
@@ -144,6 +144,15 @@ impl<const D: usize> Obstacle<D> {
         }
         let found = self.distance_in(pose, x);
         (found.0 < 0.0).then_some(found)
+    }
+
+    /// Positive only for those of some points that lie outside; see `Shape::excess`.
+    #[inline(always)]
+    pub(super) fn excess(&self, pose: Option<&Pose<D>>, x: &[Lanes; D], slack: f32) -> Lanes {
+        match pose {
+            Some(pose) => self.shape.excess(&pose.all_at_start(x), slack),
+            None => self.shape.excess(x, slack),
+        }
     }
 
     /// Bound on the speed of those points of the solid that can touch material [m/s], in a world up to this corner.

@@ -14,10 +14,13 @@ use super::reactions::Reactions;
 use super::shape::Shape;
 use super::wall_fill::cumulative;
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, PADDING, SMALLEST_MASS, Span, Window};
-use crate::linalg::Vector;
+use crate::linalg::{LANES, Lanes, Vector};
 use std::ops::Range;
 use threads::interrupted;
 use wide::f32x4;
+
+/// More than rounding changes a place [lengths of the world].
+const SLACK: f32 = 1.0e-5;
 
 /// A grid node deep inside an obstacle at rest.
 #[derive(Debug, Clone, Copy)]
@@ -436,7 +439,9 @@ impl<const D: usize> Obstacles<D> {
             list: &self.list,
             reaches: (self.moving.as_ref()).map_or(&[], |moving| &moving.reaches),
             poses: (self.moving.as_ref()).map_or(&[], |moving| &moving.poses),
-            buckets: self.moving.as_ref().map(|moving| &moving.buckets),
+            buckets: (self.moving.as_ref())
+                .filter(|_| self.has_bodies())
+                .map(|moving| &moving.buckets),
             layout: &self.layout,
             dt: self.dt,
             elastic,
@@ -557,6 +562,25 @@ impl<const D: usize> Obstacles<D> {
             let pose = solids.pose(index);
             solids.may_contain(index, x) && self.list[index].depth_in(pose, x).is_some()
         })
+    }
+
+    /// Those of some points that may lie inside of one, among which are all that do.
+    #[inline(always)]
+    pub fn may_contain(&self, x: &[Lanes; D]) -> [bool; LANES] {
+        if self.has_bodies() {
+            return [true; LANES];
+        }
+        let slack = SLACK * self.layout.upper().max();
+        let mut least = [f32::INFINITY; LANES];
+        for (index, obstacle) in self.list.iter().enumerate() {
+            let pose = self.moving.as_ref();
+            let pose = pose.and_then(|moving| moving.poses[index].as_ref());
+            let excess = obstacle.excess(pose, x, slack);
+            for i in 0..LANES {
+                least[i] = least[i].min(excess[i]);
+            }
+        }
+        least.map(|excess| excess <= 0.0)
     }
 
     /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its

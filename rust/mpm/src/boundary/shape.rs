@@ -2,7 +2,7 @@
 
 use super::surface::Surface;
 use crate::error::MpmError;
-use crate::linalg::Vector;
+use crate::linalg::{LANES, Lanes, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Geometry of a solid [m].
@@ -171,6 +171,94 @@ impl<const D: usize> Shape<D> {
             }
         }
     }
+
+    /// A number for each of some points, positive only for those outside; most of those by more than `slack` [m], which has to
+    /// exceed rounding, have a positive one.
+    #[inline(always)]
+    pub fn excess(&self, x: &[Lanes; D], slack: f32) -> Lanes {
+        match self {
+            Self::Ball { center, radius } => each_lane(x, |x| {
+                squared(sub(x, center)) - (radius + slack) * (radius + slack)
+            }),
+            Self::Segment {
+                start,
+                end,
+                thickness,
+            } => {
+                let (along, radius) = (end - start, 0.5 * thickness + slack);
+                let per_length = along / along.norm_squared();
+                each_lane(x, |x| {
+                    let away = sub(x, start);
+                    let t = dot(&away, &per_length).clamp(0.0, 1.0);
+                    squared(beside(&away, &along, t)) - radius * radius
+                })
+            }
+            Self::Cylinder { start, end, radius } => {
+                let (middle, length) = ((start + end) * 0.5, (end - start).norm());
+                let (along, radius) = ((end - start) / length, radius + slack);
+                let half = 0.5 * length + slack;
+                each_lane(x, |x| {
+                    let away = sub(x, &middle);
+                    let height = dot(&away, &along);
+                    let away = squared(beside(&away, &along, height));
+                    (away - radius * radius).max(height.abs() - half)
+                })
+            }
+            Self::HalfSpace { point, normal } => {
+                each_lane(x, |x| dot(&sub(x, point), normal) - slack)
+            }
+            Self::Box { lower, upper } => excess_of_box(x, lower, upper, slack),
+            Self::Surface(surface) => {
+                let [lower, upper] = surface.bounds();
+                excess_of_box(x, &lower, &upper, slack)
+            }
+        }
+    }
+}
+
+/// See `Shape::excess`.
+#[inline(always)]
+fn excess_of_box<const D: usize>(
+    x: &[Lanes; D],
+    lower: &Vector<D>,
+    upper: &Vector<D>,
+    slack: f32,
+) -> Lanes {
+    each_lane(x, |x| {
+        let beyond = |axis: usize| (lower[axis] - x[axis]).max(x[axis] - upper[axis]);
+        (1..D).fold(beyond(0), |most, axis| most.max(beyond(axis))) - slack
+    })
+}
+
+/// A number of each point.
+#[inline(always)]
+fn each_lane<const D: usize>(x: &[Lanes; D], number: impl Fn([f32; D]) -> f32) -> Lanes {
+    let mut numbers = [0.0; LANES];
+    for i in 0..LANES {
+        numbers[i] = number(std::array::from_fn(|axis| x[axis][i]));
+    }
+    numbers
+}
+
+#[inline(always)]
+fn sub<const D: usize>(x: [f32; D], from: &Vector<D>) -> [f32; D] {
+    std::array::from_fn(|axis| x[axis] - from[axis])
+}
+
+#[inline(always)]
+fn dot<const D: usize>(x: &[f32; D], other: &Vector<D>) -> f32 {
+    (1..D).fold(x[0] * other[0], |sum, axis| sum + x[axis] * other[axis])
+}
+
+/// The rest of a vector less so many times another one.
+#[inline(always)]
+fn beside<const D: usize>(x: &[f32; D], other: &Vector<D>, times: f32) -> [f32; D] {
+    std::array::from_fn(|axis| x[axis] - other[axis] * times)
+}
+
+#[inline(always)]
+fn squared<const D: usize>(x: [f32; D]) -> f32 {
+    (1..D).fold(x[0] * x[0], |sum, axis| sum + x[axis] * x[axis])
 }
 
 /// Distance from `x` to the corner of a box that is farthest away.
@@ -265,5 +353,66 @@ mod tests {
             assert!((found - distance).abs() < 1e-6, "{x:?}: {found}");
             assert!((toward - Vector::<3>::from(normal)).norm() < 1e-5, "{x:?}");
         }
+    }
+
+    /// Solids of every kind that has an equation.
+    fn solids<const D: usize>() -> Vec<Shape<D>> {
+        let point = |at: [f32; 3]| Vector::<D>::from_fn(|axis, _| at[axis]);
+        let (lower, upper) = (point([0.3, 0.2, 0.4]), point([0.6, 0.45, 0.7]));
+        let (start, end) = (point([0.3, 0.3, 0.2]), point([0.6, 0.7, 0.5]));
+        vec![
+            Shape::Ball {
+                center: upper,
+                radius: 0.2,
+            },
+            Shape::Box { lower, upper },
+            Shape::Segment {
+                start,
+                end,
+                thickness: 0.02,
+            },
+            Shape::Cylinder {
+                start,
+                end,
+                radius: 0.01,
+            },
+            Shape::HalfSpace {
+                point: lower,
+                normal: (end - start).normalize(),
+            },
+        ]
+    }
+
+    fn check_excess<const D: usize>() {
+        let slack = 1.0e-5;
+        for (number, shape) in solids::<D>().into_iter().enumerate() {
+            let (mut inside, mut seed) = (0, 7_u32);
+            let mut random = || {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (seed >> 8) as f32 / (1 << 24) as f32
+            };
+            for _ in 0..4000 {
+                let mut x = [[0.0; LANES]; D];
+                x.iter_mut().flatten().for_each(|s| *s = random());
+                let excess = shape.excess(&x, slack);
+                for i in 0..LANES {
+                    let at = Vector::<D>::from_fn(|axis, _| x[axis][i]);
+                    let distance = shape.distance(&at).0;
+                    inside += usize::from(distance < 0.0);
+                    assert!(distance >= 0.0 || excess[i] <= 0.0, "{number} at {at}");
+                    assert!(
+                        distance < 4.0 * slack || excess[i] > 0.0,
+                        "{number} at {at}"
+                    );
+                }
+            }
+            assert!(inside > 0, "{number}");
+        }
+    }
+
+    #[test]
+    fn what_lies_outside_by_more_than_the_slack_is_told_from_what_lies_inside() {
+        check_excess::<2>();
+        check_excess::<3>();
     }
 }

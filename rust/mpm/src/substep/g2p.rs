@@ -243,9 +243,13 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
                 sound &= keep_inside(block, bounds, reactions);
             }
             if block.near_solid && obstacles.any() && sound && broken == [0; LANES] {
-                let (work, push) = push_out(block, &stencils, obstacles, friction, reactions);
-                obstacle_work += work;
-                longest_push = longest_push.max(push);
+                let inside = obstacles.may_contain(&block.x);
+                if inside != [false; LANES] {
+                    let places = (&stencils, &inside);
+                    let (work, push) = push_out(block, places, obstacles, friction, reactions);
+                    obstacle_work += work;
+                    longest_push = longest_push.max(push);
+                }
             }
         }
         Outcome {
@@ -562,11 +566,11 @@ fn keep_inside<const D: usize, S: State>(
     sound
 }
 
-/// Moves particles that got into an obstacle back to its surface. Returns the work of moving obstacles [J], and how far they
-/// moved one of them at most [m].
+/// Moves particles that got into an obstacle, all among those that may be `inside`, back to its surface. Returns the work of moving
+/// obstacles [J], and how far they moved one of them at most [m].
 fn push_out<const D: usize, S: State>(
     block: &mut Block<D, S>,
-    stencils: &Stencils<D>,
+    (stencils, inside): (&Stencils<D>, &[bool; LANES]),
     obstacles: &Obstacles<D>,
     friction: f32,
     reactions: &mut Reactions<D>,
@@ -575,7 +579,10 @@ fn push_out<const D: usize, S: State>(
     for lane in 0..block.count {
         let x = Vector::from_fn(|axis, _| block.x[axis][lane]);
         // Few of those near an obstacle are inside; the others are not touched.
-        if obstacles.near_stencil(stencils.start[lane] as usize) && obstacles.contains(&x) {
+        if inside[lane]
+            && obstacles.near_stencil(stencils.start[lane] as usize)
+            && obstacles.contains(&x)
+        {
             let mut particle = block.get(lane, Activity::Awake);
             let mass = particle.mass;
             let pushed = |obstacle: usize, x: &Vector<D>, change: &Vector<D>| {
