@@ -110,7 +110,27 @@ impl<'a, const D: usize> Solids<'a, D> {
     ///
     /// It begins outside, or below one face of a concave corner: there another face goes on as a plane, as each of two solids does
     /// where one stands on the other.
+    #[inline(always)]
     pub fn line(
+        &self,
+        index: usize,
+        node: ([usize; D], usize),
+        (distance, normal): (f32, Vector<D>),
+        axis: usize,
+        inward: f32,
+    ) -> Option<Line<D>> {
+        // Most lines end here: without a call.
+        let left = distance / self.layout.dx();
+        let approach = -normal[axis] * inward;
+        let is_far = || !(approach > 0.0 && left / approach <= LINE_CELLS);
+        if left > ON_SURFACE && self.list[index].shape.is_convex() && is_far() {
+            return None;
+        }
+        self.line_from(index, node, (distance, normal), axis, inward)
+    }
+
+    #[inline(never)]
+    fn line_from(
         &self,
         index: usize,
         node: ([usize; D], usize),

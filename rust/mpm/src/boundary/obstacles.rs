@@ -254,15 +254,13 @@ impl<const D: usize> Obstacles<D> {
                 work += self.apply_to_deep(target, start, span, friction, reactions);
             }
         }
-        let planes = window.planes.clone();
-        let moving = if self.has_bodies() {
-            reactions.lines.each_mut().map(std::mem::take)
-        } else {
-            let mut found = std::array::from_fn(|_| Vec::new());
-            let all = |_| 1..D;
-            self.find_lines(window, fields.as_ref(), kinds, planes, all, &mut found);
-            found
-        };
+        let mut moving = reactions.lines.each_mut().map(std::mem::take);
+        if !self.has_bodies() {
+            moving.iter_mut().for_each(Vec::clear);
+            let planes = window.planes.clone();
+            let all = |_| 0..D;
+            self.find_lines(window, fields.as_ref(), kinds, planes, all, &mut moving);
+        }
         let mut lines = LineWindow {
             window,
             fields,
@@ -275,29 +273,28 @@ impl<const D: usize> Obstacles<D> {
             work += self.act_on_lines(&mut lines, self.lines_of(axis, planes));
             work += self.act_on_lines(&mut lines, moving[axis].iter());
         }
-        if self.has_bodies() {
-            reactions.lines = moving;
-        }
+        reactions.lines = moving;
         work
     }
 
-    /// The same for lines along the first axis that begin in some of the planes.
+    /// The same for lines along the first axis that begin in the planes `across`, after `apply` for the planes `within`, or after
+    /// `probe`. What these found is not looked for again, for masses and places stay.
     pub fn apply_across(
         &self,
         window: &mut Window<'_, D>,
         fields: &mut Option<FieldWindow<'_, D>>,
         kinds: FieldMap<'_>,
         friction: &MaterialFriction,
-        planes: Range<usize>,
+        [across, within]: [Range<usize>; 2],
         reactions: &mut Reactions<D>,
     ) -> f64 {
-        let mut moving = std::array::from_fn(|_| Vec::new());
-        if self.has_bodies() {
-            moving[0] = std::mem::take(&mut reactions.lines[0]);
-        } else {
-            let (planes, first) = (planes.clone(), |_| 0..1);
-            self.find_lines(window, fields.as_ref(), kinds, planes, first, &mut moving);
+        let mut moving = reactions.lines.each_mut().map(std::mem::take);
+        if !self.has_bodies() {
+            let (beyond, first) = (within.end..across.end.max(within.end), |_| 0..1);
+            self.find_lines(window, fields.as_ref(), kinds, beyond, first, &mut moving);
         }
+        let first = across.start * self.layout.nodes_per_plane();
+        let first = moving[0].partition_point(|line| line.node < first);
         let mut lines = LineWindow {
             window,
             fields,
@@ -305,11 +302,9 @@ impl<const D: usize> Obstacles<D> {
             friction,
             reactions,
         };
-        let work = self.act_on_lines(&mut lines, self.lines_of(0, planes))
-            + self.act_on_lines(&mut lines, moving[0].iter());
-        if self.has_bodies() {
-            reactions.lines[0] = std::mem::take(&mut moving[0]);
-        }
+        let work = self.act_on_lines(&mut lines, self.lines_of(0, across))
+            + self.act_on_lines(&mut lines, moving[0][first..].iter());
+        reactions.lines = moving;
         work
     }
 

@@ -51,7 +51,7 @@ pub struct Reactions<const D: usize> {
     pub bodies: Vec<Wrench<D>>,
     /// Where material touches rigid bodies.
     pub probes: Vec<Probe<D>>,
-    /// The lines across moving solids, by the axis along which they lie, that a substep with rigid bodies found for the probes.
+    /// The lines across moving solids that this substep has found, by the axis along which they lie.
     pub(super) lines: [Vec<Line<D>>; D],
     /// Else nothing is added, but of rigid bodies.
     pub kept: bool,

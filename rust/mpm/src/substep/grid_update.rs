@@ -79,13 +79,14 @@ pub fn grid_update<const D: usize>(
     work
 }
 
-/// Contact on lines along the first axis: with obstacles on lines that begin in some planes of the window.
+/// Contact on lines along the first axis: with obstacles on lines that begin in some planes of the window, the first of these; the
+/// second are those that `grid_update` has had, or `probe`.
 pub fn act_across<const D: usize>(
     window: &mut Window<'_, D>,
     mut fields: Option<FieldWindow<'_, D>>,
     kinds: FieldMap<'_>,
     forces: &GridForces<'_, D>,
-    planes: Range<usize>,
+    planes: [Range<usize>; 2],
     reactions: &mut Reactions<D>,
 ) -> f64 {
     let friction = &forces.material_friction;

@@ -213,7 +213,7 @@ impl<const D: usize> Substep<'_, D> {
                 (Stage::Across, ..) => {
                     let kinds = grid.fields.map();
                     let band = bands[slab].clone();
-                    let planes = planes_across(&bands, slab);
+                    let planes = [planes_across(&bands, slab), band.clone()];
                     let reach = reach.start..reach.end.max(band.end);
                     // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     let window = &mut unsafe { grid.window(reach.clone()) };
