@@ -217,19 +217,24 @@ impl<'a, const D: usize> Solids<'a, D> {
         }
         let stride = self.layout.stride(axis) as isize;
         let steps = base as isize + 1 - node[axis] as isize;
-        let face = f64::from((base + 1.0 - xi) * inward);
+        let mut touching = touching(
+            f64::from((base + 1.0 - xi) * inward),
+            f64::from(normal[axis].abs()),
+            self.list[index].contact.kind,
+            f64::from(dx),
+            self.elastic,
+        );
+        // From a node on the surface, up to rounding, one of the two lines leads outwards, and takes what is inside for outside.
+        // What flows may meet it, as the other one holds it besides; an elastic body would be held up to a cell off.
+        if normal[axis] * inward > 0.0 {
+            touching[1] = Touch::NEVER;
+        }
         Some(Line {
             node: memory,
             middle: memory.wrapping_add_signed(steps * stride),
             step: if inward > 0.0 { -stride } else { stride },
             weights,
-            touching: touching(
-                face,
-                f64::from(normal[axis].abs()),
-                self.list[index].contact.kind,
-                f64::from(dx),
-                self.elastic,
-            ),
+            touching,
             obstacle: index as u32,
             normal,
             x,
