@@ -17,16 +17,16 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
 /// wider than it is, as lines are a cell apart, and what flows beside it would be held.
-const INSET: f32 = 0.1;
+pub(super) const INSET: f32 = 0.1;
 /// How far from a surface its two sides are looked at [cells].
 const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
-const ON_SURFACE: f32 = 1.0e-3;
+pub(super) const ON_SURFACE: f32 = 1.0e-3;
 /// Most steps towards a surface; each leaves a fraction of the distance that was left.
-const MOST_STEPS: usize = 12;
+pub(super) const MOST_STEPS: usize = 12;
 
 /// A line of three nodes across a surface.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line<const D: usize> {
     /// Memory index of the node outside that it begins at.
     pub node: usize,
@@ -195,9 +195,29 @@ impl<'a, const D: usize> Solids<'a, D> {
         }
         let (depth, deep) = self.distance(index, &place(t + INSET));
         let beside = (0..D).any(|other| other != axis && deep[other].abs() > deep[axis].abs());
-        if depth < 0.0 && beside
-            || self.is_hidden(index, &normal, &place(t - BESIDE), &place(t + BESIDE))
-        {
+        if depth < 0.0 && beside {
+            return None;
+        }
+        self.line_across(index, (node, memory), (t, normal), (axis, inward), lift)
+    }
+
+    /// The line from a node that crosses a surface with this normal at `t` [cells]: from `lift` beside the node [m].
+    pub fn line_across(
+        &self,
+        index: usize,
+        (node, memory): ([usize; D], usize),
+        (t, normal): (f32, Vector<D>),
+        (axis, inward): (usize, f32),
+        lift: Vector<D>,
+    ) -> Option<Line<D>> {
+        let dx = self.layout.dx();
+        let start = self.layout.position(node) + lift;
+        let place = |t: f32| {
+            let mut place = start;
+            place[axis] += inward * t * dx;
+            place
+        };
+        if self.is_hidden(index, &normal, &place(t - BESIDE), &place(t + BESIDE)) {
             return None;
         }
         // From the point above the node back to the node, along the plane.
@@ -263,6 +283,15 @@ impl<'a, const D: usize> Solids<'a, D> {
                 };
                 distance < 0.0 && (distance < -2.0 * dx || faces() || !rises())
             })
+    }
+}
+
+/// Lowest distance of a node at which a line may begin [m].
+pub fn lowest_start<const D: usize>(obstacle: &Obstacle<D>, dx: f32) -> f32 {
+    if obstacle.shape.is_convex() {
+        0.0
+    } else {
+        -DEEP_CELLS * dx
     }
 }
 

@@ -3,6 +3,7 @@
 mod bounds;
 mod buckets;
 mod contact;
+mod crossings;
 mod lattice;
 mod line_window;
 mod lines;

@@ -205,16 +205,16 @@ impl<const D: usize> Pose<D> {
         self.rotation.tr_mul(&(x - self.center)) + self.start
     }
 
-    /// The same of several points, but for rounding.
+    /// The same of several points, with the same operations.
     #[inline(always)]
     pub fn all_at_start(&self, x: &[Lanes; D]) -> [Lanes; D] {
         let mut at_start = [[0.0; LANES]; D];
         for row in 0..D {
-            let start = self.start[row];
             for i in 0..LANES {
                 let part =
                     |axis: usize| self.rotation[(axis, row)] * (x[axis][i] - self.center[axis]);
-                at_start[row][i] = (0..D).fold(start, |sum, axis| sum + part(axis));
+                let turned = (1..D).fold(part(0), |sum, axis| sum + part(axis));
+                at_start[row][i] = turned + self.start[row];
             }
         }
         at_start
@@ -228,6 +228,19 @@ impl<const D: usize> Pose<D> {
     /// A direction of time 0 as it points now.
     pub fn turn(&self, direction: &Vector<D>) -> Vector<D> {
         self.rotation * direction
+    }
+
+    /// The same of several directions, with the same operations.
+    #[inline(always)]
+    pub fn turn_all(&self, directions: &[Lanes; D]) -> [Lanes; D] {
+        let mut turned = [[0.0; LANES]; D];
+        for row in 0..D {
+            for i in 0..LANES {
+                let part = |axis: usize| self.rotation[(row, axis)] * directions[axis][i];
+                turned[row][i] = (1..D).fold(part(0), |sum, axis| sum + part(axis));
+            }
+        }
+        turned
     }
 
     /// Velocity of the solid at a point [m/s].

@@ -131,6 +131,16 @@ impl<const D: usize> Obstacle<D> {
         (distance, pose.turn(&normal))
     }
 
+    /// The same for several points, with the same operations.
+    #[inline(always)]
+    pub(super) fn distances(&self, pose: Option<&Pose<D>>, x: &[Lanes; D]) -> (Lanes, [Lanes; D]) {
+        let Some(pose) = pose else {
+            return self.shape.distances(x);
+        };
+        let (distances, normals) = self.shape.distances(&pose.all_at_start(x));
+        (distances, pose.turn_all(&normals))
+    }
+
     /// Signed distance and unit normal in the world of a point inside; None outside.
     pub(super) fn depth_in(
         &self,

@@ -1,13 +1,13 @@
 //! All solids of a scene: contact on grid nodes, and particles kept outside.
 
 use super::contact::Walls;
+use super::crossings::Batch;
 use super::line_window::LineWindow;
-use super::lines::{LINE_CELLS, Line, Solids};
+use super::lines::{LINE_CELLS, Line, Solids, lowest_start};
 use super::motion::Pose;
 use super::moving::{MovingObstacles, search_row};
 use super::node::{
-    ByRow, DEEP_CELLS, MaterialFriction, Nearness, acts_at, change_velocity, may_act_at,
-    reach_until_sort,
+    ByRow, MaterialFriction, Nearness, acts_at, change_velocity, may_act_at, reach_until_sort,
 };
 use super::obstacle::Obstacle;
 use super::reactions::Reactions;
@@ -333,6 +333,7 @@ impl<const D: usize> Obstacles<D> {
         };
         let solids = self.solids(kinds.any_elastic());
         let shared = |chunk: usize| fields.is_some_and(|fields| fields.map().is_shared(chunk));
+        let mut batch = Batch::new();
         for span in window.active_in(planes) {
             let mut place = self.layout.row_coordinates(span.row);
             for reachable in moving.nodes.row(span.row) {
@@ -352,16 +353,13 @@ impl<const D: usize> Obstacles<D> {
                     continue;
                 }
                 place[D - 1] = column;
-                let x = self.layout.position(place);
-                let at = self.list[index].distance_in(solids.pose(index), &x);
-                if at.0 > lowest && at.0 <= LINE_CELLS * dx {
-                    for axis in axes(place[0]) {
-                        let line = |up: f32| solids.line(index, (place, memory), at, axis, up);
-                        found[axis].extend([1.0, -1.0].into_iter().filter_map(line));
-                    }
+                if batch.ends_before(index) {
+                    batch.find(&solids, &axes, found);
                 }
+                batch.add(index, (place, memory), &self.layout);
             }
         }
+        batch.find(&solids, &axes, found);
     }
 
     fn act_on_lines<'l>(
@@ -628,15 +626,6 @@ impl<const D: usize> Obstacles<D> {
             (Some(moving), Some(_)) => distance.max(-moving.longest_push(v.norm(), moving.dt)),
             _ => distance,
         }
-    }
-}
-
-/// Lowest distance of a node at which a line may begin [m].
-fn lowest_start<const D: usize>(obstacle: &Obstacle<D>, dx: f32) -> f32 {
-    if obstacle.shape.is_convex() {
-        0.0
-    } else {
-        -DEEP_CELLS * dx
     }
 }
 

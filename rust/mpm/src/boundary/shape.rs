@@ -172,6 +172,43 @@ impl<const D: usize> Shape<D> {
         }
     }
 
+    /// The same for several points, with the same operations.
+    #[inline(always)]
+    pub fn distances(&self, x: &[Lanes; D]) -> (Lanes, [Lanes; D]) {
+        match self {
+            Self::Ball { center, radius } => {
+                each_distance(x, |x| to_point(sub(x, center), *radius))
+            }
+            Self::Segment {
+                start,
+                end,
+                thickness,
+            } => {
+                let along = end - start;
+                let squared = along.norm_squared();
+                each_distance(x, |x| {
+                    let t = (dot(&sub(x, start), &along) / squared).clamp(0.0, 1.0);
+                    let nearest = start + along * t;
+                    to_point(sub(x, &nearest), 0.5 * thickness)
+                })
+            }
+            Self::Cylinder { start, end, radius } => {
+                let length = (end - start).norm();
+                let (along, middle) = ((end - start) / length, (start + end) * 0.5);
+                each_distance(x, |x| to_cylinder(sub(x, &middle), &along, length, *radius))
+            }
+            Self::HalfSpace { point, normal } => each_distance(x, |x| {
+                let upward = std::array::from_fn(|axis| normal[axis]);
+                (dot(&sub(x, point), normal), upward)
+            }),
+            Self::Box { lower, upper } => each_distance(x, |x| to_box(x, lower, upper)),
+            Self::Surface(surface) => each_distance(x, |x| {
+                let (distance, normal) = surface.distance(&Vector::from(x));
+                (distance, std::array::from_fn(|axis| normal[axis]))
+            }),
+        }
+    }
+
     /// A number for each of some points, positive only for those outside; most of those by more than `slack` [m], which has to
     /// exceed rounding, have a positive one.
     #[inline(always)]
@@ -238,6 +275,88 @@ fn each_lane<const D: usize>(x: &[Lanes; D], number: impl Fn([f32; D]) -> f32) -
         numbers[i] = number(std::array::from_fn(|axis| x[axis][i]));
     }
     numbers
+}
+
+/// Distance and normal of each point.
+#[inline(always)]
+fn each_distance<const D: usize>(
+    x: &[Lanes; D],
+    of: impl Fn([f32; D]) -> (f32, [f32; D]),
+) -> (Lanes, [Lanes; D]) {
+    let (mut distances, mut normals) = ([0.0; LANES], [[0.0; LANES]; D]);
+    for i in 0..LANES {
+        let (distance, normal) = of(std::array::from_fn(|axis| x[axis][i]));
+        distances[i] = distance;
+        for axis in 0..D {
+            normals[axis][i] = normal[axis];
+        }
+    }
+    (distances, normals)
+}
+
+/// One or the other, without a branch.
+#[inline(always)]
+fn select<const D: usize>(
+    first: bool,
+    one: (f32, [f32; D]),
+    other: (f32, [f32; D]),
+) -> (f32, [f32; D]) {
+    let choose = |one: f32, other: f32| if first { one } else { other };
+    (
+        choose(one.0, other.0),
+        std::array::from_fn(|axis| choose(one.1[axis], other.1[axis])),
+    )
+}
+
+/// Distance to the point that lies so far away, less a radius.
+#[inline(always)]
+fn to_point<const D: usize>(away: [f32; D], radius: f32) -> (f32, [f32; D]) {
+    let distance = squared(away).sqrt();
+    let up = std::array::from_fn(|axis| if axis == 1 { 1.0 } else { 0.0 });
+    // On the centre itself every direction is as good.
+    let outward = away.map(|part| part / distance);
+    let (_, normal) = select(distance > 0.0, (0.0, outward), (0.0, up));
+    (distance - radius, normal)
+}
+
+#[inline(always)]
+fn to_cylinder<const D: usize>(
+    from_middle: [f32; D],
+    along: &Vector<D>,
+    length: f32,
+    radius: f32,
+) -> (f32, [f32; D]) {
+    let height = dot(&from_middle, along);
+    // Past the side and past the nearer end; negative inside.
+    let (side, outward) = to_point(beside(&from_middle, along, height), radius);
+    let beyond = height.abs() - 0.5 * length;
+    let cap = std::array::from_fn(|axis| {
+        if height < 0.0 {
+            -along[axis]
+        } else {
+            along[axis]
+        }
+    });
+    let edge = std::array::from_fn(|axis| outward[axis] * side + cap[axis] * beyond);
+    let distance = squared(edge).sqrt();
+    let at_edge = (distance, edge.map(|part| part / distance));
+    let at_face = select(side > beyond, (side, outward), (beyond, cap));
+    select((side > 0.0) & (beyond > 0.0), at_edge, at_face)
+}
+
+#[inline(always)]
+fn to_box<const D: usize>(x: [f32; D], lower: &Vector<D>, upper: &Vector<D>) -> (f32, [f32; D]) {
+    let outside = std::array::from_fn(|axis| x[axis] - x[axis].clamp(lower[axis], upper[axis]));
+    let distance = squared(outside).sqrt();
+    let outer = (distance, outside.map(|part| part / distance));
+    let mut inner = (f32::NEG_INFINITY, [0.0; D]);
+    for axis in 0..D {
+        for (face, side) in [(lower[axis] - x[axis], -1.0), (x[axis] - upper[axis], 1.0)] {
+            let normal = std::array::from_fn(|other| if other == axis { side } else { 0.0 });
+            inner = select(face > inner.0, (face, normal), inner);
+        }
+    }
+    select(distance > 0.0, outer, inner)
 }
 
 #[inline(always)]

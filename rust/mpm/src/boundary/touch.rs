@@ -19,7 +19,7 @@ const RESTING_BELOW: f64 = 3.0e-5;
 const HELD_REACH: f64 = 0.9;
 
 /// Where material touches a surface, from the mass of the middle node of a line over that of the inner one [-].
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Touch {
     /// Where it begins to touch.
     from: f32,
