@@ -105,7 +105,7 @@ class SoftMaterialWarning(UserWarning):
 
 
 class ThinObstacleWarning(UserWarning):
-    """An obstacle is thinner than two grid cells, so that fast material may pass through it.
+    """An obstacle is thinner than half a grid cell, so that fast material may pass through it.
 
     Issued when a solver is built. Not an error: slow material respects a thin obstacle too.
     """

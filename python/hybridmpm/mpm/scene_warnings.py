@@ -1,4 +1,4 @@
-"""Warnings about the matter of a scene, from the scene alone: a full box, and soft materials."""
+"""Warnings about the matter of a scene, from the scene alone: soft materials."""
 
 import numpy as np
 
