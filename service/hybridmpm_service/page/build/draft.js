@@ -90,7 +90,9 @@ export class Draft {
 
   goBack() {
     const before = this.#before.pop();
-    if (before !== undefined) this.#become({ ...before, selected: -1 });
+    if (before === undefined) return;
+    // What was changed stays chosen.
+    this.#become({ ...before, selected: before.things.length === this.things.length ? this.selected : -1 });
   }
 
   mark(wrong) {

@@ -8,7 +8,7 @@ import { boundsOf, handlesOf, lookOf, nameOf } from "./things.js";
 const SIDE = 1000; // units of the picture's side
 const MARGIN = 0.04; // of it, around the walls
 const RIM = 14; // of the picture, in which no handle lies
-const SHARPEST = 640; // most pixels of the side of a shaded picture
+const SHARPEST = 480; // most pixels of the side of a shaded picture
 const COLOURS = {
   water: [46, 148, 238],
   sand: [201, 154, 90],

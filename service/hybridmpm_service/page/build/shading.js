@@ -24,6 +24,7 @@ export function shade(canvas, view, parts) {
 
 function fill({ depth, colour }, side, { rows, middle, scale }, { surface, rgb }) {
   const [right, up, towards] = rows;
+  const [red, green, blue] = rgb;
   const [x, y, z, bright] = [0, 1, 2, 3].map(() => new Float64Array(3));
   for (let at = 0; at < surface.length; at += 18) {
     for (let i = 0; i < 3; i += 1) {
@@ -41,11 +42,13 @@ function fill({ depth, colour }, side, { rows, middle, scale }, { surface, rgb }
     if (area === 0) continue;
     const [top, bottom] = [Math.max(0, Math.ceil(Math.min(...y) - 0.5)), Math.min(side - 1, Math.floor(Math.max(...y) - 0.5))];
     const [left, end] = [Math.max(0, Math.ceil(Math.min(...x) - 0.5)), Math.min(side - 1, Math.floor(Math.max(...x) - 0.5))];
+    // Shares of the second and third corner, and how they grow from column to column.
+    const [stepB, stepC] = [(y[2] - y[0]) / area, (y[0] - y[1]) / area];
     for (let row = top; row <= bottom; row += 1) {
-      for (let column = left; column <= end; column += 1) {
-        const [px, py] = [column + 0.5, row + 0.5];
-        const b = ((px - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (py - y[0])) / area;
-        const c = ((x[1] - x[0]) * (py - y[0]) - (px - x[0]) * (y[1] - y[0])) / area;
+      const [across, down] = [left + 0.5 - x[0], row + 0.5 - y[0]];
+      let b = (across * (y[2] - y[0]) - (x[2] - x[0]) * down) / area;
+      let c = ((x[1] - x[0]) * down - across * (y[1] - y[0])) / area;
+      for (let column = left; column <= end; column += 1, b += stepB, c += stepC) {
         const a = 1 - b - c;
         if (a < 0 || b < 0 || c < 0) continue;
         const here = a * z[0] + b * z[1] + c * z[2];
@@ -53,7 +56,6 @@ function fill({ depth, colour }, side, { rows, middle, scale }, { surface, rgb }
         if (here <= depth[pixel]) continue;
         depth[pixel] = here;
         const light = a * bright[0] + b * bright[1] + c * bright[2];
-        const [red, green, blue] = rgb;
         colour[pixel] = (Math.min(255, blue * light) << 16) | (Math.min(255, green * light) << 8) | Math.min(255, red * light);
       }
     }
@@ -63,11 +65,13 @@ function fill({ depth, colour }, side, { rows, middle, scale }, { surface, rgb }
 /** Lay what flows, where it is in front, over what is solid. */
 function blend(bytes, solid, glass) {
   for (let i = 0; i < solid.colour.length; i += 1) {
-    const [hasSolid, hasGlass] = [solid.depth[i] > -Infinity, glass.depth[i] > solid.depth[i]];
+    const hasSolid = solid.depth[i] > -Infinity;
+    const hasGlass = glass.depth[i] > solid.depth[i];
     if (!hasSolid && !hasGlass) continue;
     const share = !hasGlass ? 0 : hasSolid ? GLASS : 1;
     for (let channel = 0; channel < 3; channel += 1) {
-      const [below, above] = [(solid.colour[i] >> (8 * channel)) & 255, (glass.colour[i] >> (8 * channel)) & 255];
+      const below = (solid.colour[i] >> (8 * channel)) & 255;
+      const above = (glass.colour[i] >> (8 * channel)) & 255;
       bytes[4 * i + channel] = below + (above - below) * share;
     }
     bytes[4 * i + 3] = hasSolid ? 255 : 255 * (0.35 + GLASS);
