@@ -2,7 +2,7 @@
 //!
 //! `Solids::line` does the same for one node, with the same operations in the same order.
 
-use super::lines::{INSET, LINE_CELLS, Line, MOST_STEPS, ON_SURFACE, Solids, lowest_start};
+use super::lines::{LINE_CELLS, Line, MOST_STEPS, ON_SURFACE, Solids, lowest_start};
 use super::motion::Pose;
 use super::obstacle::Obstacle;
 use crate::grid::Layout;
@@ -72,6 +72,7 @@ impl<const D: usize> Batch<D> {
             obstacle,
             pose,
             dx,
+            inset: solids.inset(index),
             x: self.x,
             count: nodes.len(),
         });
@@ -96,6 +97,8 @@ struct Candidates<'a, const D: usize> {
     pose: Option<&'a Pose<D>>,
     /// Cell size [m].
     dx: f32,
+    /// See `Solids::inset`.
+    inset: f32,
     /// Places of the nodes [m].
     x: [Lanes; D],
     /// Of those in use.
@@ -236,7 +239,7 @@ impl<const D: usize> Candidates<'_, D> {
             let mut inside = [0.0; LANES];
             for i in 0..LANES {
                 t[i] = t[i].min(1.0);
-                inside[i] = t[i] + INSET;
+                inside[i] = t[i] + self.inset;
             }
             let inside = self.places(axis, inward, &inside);
             let (depth, deep) = self.obstacle.distances(self.pose, &inside);

@@ -17,7 +17,9 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
 /// wider than it is, as lines are a cell apart, and what flows beside it would be held.
-pub(super) const INSET: f32 = 0.1;
+const INSET: f32 = 0.1;
+/// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
+const BODY_INSET: f32 = 0.005;
 /// How far from a surface its two sides are looked at [cells].
 const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
@@ -39,7 +41,7 @@ pub struct Line<const D: usize> {
     /// Where it touches what flows, and what is elastic.
     touching: [Touch; 2],
     pub obstacle: u32,
-    normal: Vector<D>,
+    pub(super) normal: Vector<D>,
     /// Where the line crosses the surface [m].
     pub x: Vector<D>,
 }
@@ -91,6 +93,15 @@ impl<'a, const D: usize> Solids<'a, D> {
         (0..first).chain(bodies.iter().map(|body| *body as usize))
     }
 
+    /// Distance from a sharp edge within which lines are left out [cells].
+    pub(super) fn inset(&self, index: usize) -> f32 {
+        if index >= self.list.len() - self.reaches.len() {
+            BODY_INSET
+        } else {
+            INSET
+        }
+    }
+
     /// Whether a point may lie inside of a solid: false for those far from a rigid body.
     #[inline(always)]
     pub fn may_contain(&self, index: usize, x: &Vector<D>) -> bool {
@@ -102,7 +113,7 @@ impl<'a, const D: usize> Solids<'a, D> {
             })
     }
 
-    fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
+    pub(super) fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
         self.list[index].distance_in(self.pose(index), x)
     }
 
@@ -193,7 +204,7 @@ impl<'a, const D: usize> Solids<'a, D> {
         if left > ON_SURFACE || steepest(&normal) != Some(axis) {
             return None;
         }
-        let (depth, deep) = self.distance(index, &place(t + INSET));
+        let (depth, deep) = self.distance(index, &place(t + self.inset(index)));
         let beside = (0..D).any(|other| other != axis && deep[other].abs() > deep[axis].abs());
         if depth < 0.0 && beside {
             return None;
@@ -304,15 +315,25 @@ fn steepest<const D: usize>(normal: &Vector<D>) -> Option<usize> {
 }
 
 impl<const D: usize> Line<D> {
-    /// Memory indices of the outer, middle and inner node.
-    pub fn nodes(&self) -> [usize; 3] {
-        [-self.step, 0, self.step].map(|step| self.middle.wrapping_add_signed(step))
+    /// The same with its impulse at another place [m].
+    pub(super) fn at(&self, x: Vector<D>) -> Self {
+        Self { x, ..*self }
     }
 
-    /// What the obstacle, a rigid body, is about to meet; None where nothing touches it.
-    pub fn probe(
+    /// Memory indices of the outer, middle and inner node, and their weights.
+    pub fn nodes(&self) -> ([usize; 3], [f32; 3]) {
+        let steps = [-self.step, 0, self.step];
+        (
+            steps.map(|step| self.middle.wrapping_add_signed(step)),
+            self.weights,
+        )
+    }
+
+    /// What the obstacle, a rigid body, is about to meet; None where nothing touches it. The first three of the nodes, which are
+    /// given with their weights, are those of the line.
+    pub fn probe<const N: usize>(
         &self,
-        nodes: &[[f32; 4]; 3],
+        (nodes, weights): (&[[f32; 4]; N], &[f32; N]),
         is_elastic: bool,
         solids: &Solids<'_, D>,
         friction: impl Fn(f32) -> f32,
@@ -324,8 +345,8 @@ impl<const D: usize> Line<D> {
         }
         let (mut total, mut held) = (0.0, 0.0);
         let mut u = Vector::<D>::zeros();
-        for k in 0..3 {
-            let weight = self.weights[k];
+        for k in 0..N {
+            let weight = weights[k];
             if mass[k] > SMALLEST_MASS {
                 total += weight * weight / mass[k];
                 held += weight;
@@ -354,9 +375,9 @@ impl<const D: usize> Line<D> {
 
     /// Lets the obstacle act on velocities and masses of the nodes, and returns its impulse [kg m/s] and the work that it does
     /// [J]; None where nothing touches it. `friction` returns that of the material from the mass of the middle node.
-    pub fn act(
+    pub fn act<const N: usize>(
         &self,
-        nodes: &mut [[f32; 4]; 3],
+        (nodes, weights): (&mut [[f32; 4]; N], &[f32; N]),
         is_elastic: bool,
         solids: &Solids<'_, D>,
         friction: impl Fn(f32) -> f32,
@@ -370,7 +391,7 @@ impl<const D: usize> Line<D> {
         let surface = pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
         let contact = solids.list[self.obstacle as usize].contact;
         let mut impulse = Vector::<D>::zeros();
-        let is_light = mass[0] * self.weights[1] < mass[1] * self.weights[0];
+        let is_light = mass[0] * weights[1] < mass[1] * weights[0];
         if contact.kind != ContactKind::Separating && is_light && mass[0] > SMALLEST_MASS {
             // An outer node that is lighter than its weight would take most of the change, and material would creep off by a
             // quarter of a cell before it is held. It stays with the surface, as an empty one does.
@@ -382,10 +403,10 @@ impl<const D: usize> Line<D> {
             impulse = gain * mass[0];
             mass[0] = 0.0;
         }
-        let (mut mobility, mut total, mut missing) = ([0.0; 3], 0.0, 0.0);
+        let (mut mobility, mut total, mut missing) = ([0.0; N], 0.0, 0.0);
         let mut u = Vector::<D>::zeros();
-        for k in 0..3 {
-            let weight = self.weights[k];
+        for k in 0..N {
+            let weight = weights[k];
             if mass[k] > SMALLEST_MASS {
                 mobility[k] = weight / mass[k];
                 total += mobility[k] * weight;
@@ -402,7 +423,7 @@ impl<const D: usize> Line<D> {
         }
         let after = contact.resolve(&relative, &self.normal, friction(mass[1]));
         let change = (after - relative) / total;
-        for k in 0..3 {
+        for k in 0..N {
             for axis in 0..D {
                 let gain = change[axis] * mobility[k];
                 nodes[k][axis] += gain;

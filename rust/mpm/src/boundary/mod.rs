@@ -4,6 +4,7 @@ mod bounds;
 mod buckets;
 mod contact;
 mod crossings;
+mod edge;
 mod lattice;
 mod line_window;
 mod lines;

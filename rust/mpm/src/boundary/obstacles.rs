@@ -2,6 +2,7 @@
 
 use super::contact::Walls;
 use super::crossings::Batch;
+use super::edge::EdgeLine;
 use super::line_window::LineWindow;
 use super::lines::{LINE_CELLS, Line, Solids, lowest_start};
 use super::motion::Pose;
@@ -21,6 +22,9 @@ use wide::f32x4;
 
 /// More than rounding changes a place [lengths of the world].
 const SLACK: f32 = 1.0e-5;
+
+/// Distance from a node at which its spline ends [cells].
+const SPLINE_CELLS: f32 = 1.5;
 
 /// A grid node deep inside an obstacle at rest.
 #[derive(Debug, Clone, Copy)]
@@ -304,7 +308,12 @@ impl<const D: usize> Obstacles<D> {
         };
         let work = self.act_on_lines(&mut lines, self.lines_of(0, across))
             + self.act_on_lines(&mut lines, moving[0][first..].iter());
-        reactions.lines = moving;
+        let edges = std::mem::take(&mut lines.reactions.edges);
+        let solids = self.solids(true);
+        for edge in &edges {
+            lines.act_at_edge(edge, &solids, false);
+        }
+        (reactions.lines, reactions.edges) = (moving, edges);
         work
     }
 
@@ -394,11 +403,10 @@ impl<const D: usize> Obstacles<D> {
         let mut moving = reactions.lines.each_mut().map(std::mem::take);
         moving.iter_mut().for_each(Vec::clear);
         let planes = across.start.min(within.start)..across.end.max(within.end);
-        let axes = |plane: usize| {
-            let first = usize::from(!across.contains(&plane));
-            first..if within.contains(&plane) { D } else { 1 }
-        };
-        self.find_lines(window, fields.as_ref(), kinds, planes, axes, &mut moving);
+        let all = |_| 0..D;
+        self.find_lines(window, fields.as_ref(), kinds, planes, all, &mut moving);
+        let mut edges = std::mem::take(&mut reactions.edges);
+        self.part_edges(&mut moving, &mut edges, kinds, &[across, within]);
         let solids = self.solids(true);
         let mut lines = LineWindow {
             window,
@@ -414,7 +422,40 @@ impl<const D: usize> Obstacles<D> {
         for line in bodies {
             lines.act(line, &solids, true);
         }
-        reactions.lines = moving;
+        for edge in &edges {
+            lines.act_at_edge(edge, &solids, true);
+        }
+        (reactions.lines, reactions.edges) = (moving, edges);
+    }
+
+    /// Keeps the lines along the first axis that begin in the planes `across`, and others that begin in the planes `within`, but for
+    /// those at edges of rigid bodies, which may reach into other planes: it moves them to `edges`, where they begin `across`.
+    fn part_edges(
+        &self,
+        lines: &mut [Vec<Line<D>>; D],
+        edges: &mut Vec<EdgeLine<D>>,
+        kinds: FieldMap<'_>,
+        [across, within]: &[Range<usize>; 2],
+    ) {
+        let (layout, solids) = (self.layout, self.solids(kinds.any_elastic()));
+        edges.clear();
+        for (axis, lines) in lines.iter_mut().enumerate() {
+            lines.retain(|line| {
+                let mut node = layout.row_coordinates(line.node / layout.row_length);
+                node[D - 1] = line.node % layout.row_length;
+                let is_across = across.contains(&node[0]);
+                let may_be = self.is_body(line.obstacle);
+                if let Some(edge) = may_be.then(|| solids.at_edge(line, node, axis)).flatten() {
+                    edges.extend(is_across.then_some(edge));
+                    return false;
+                }
+                if axis == 0 {
+                    is_across
+                } else {
+                    within.contains(&node[0])
+                }
+            });
+        }
     }
 
     fn has_bodies(&self) -> bool {
@@ -537,15 +578,34 @@ impl<const D: usize> Obstacles<D> {
         self.near[node] == Nearness::Now
     }
 
-    /// The part of a node's spline [-] that lies in the nearest obstacle, whose face counts as plane.
+    /// The part of a node's spline [-] that lies in the nearest obstacle. The face of an obstacle at rest counts as plane. Of a
+    /// rigid body, edges and curvature count too: the mean distance of points around is larger than that of the middle by the
+    /// Laplacian of the distance, by which the fill of what is convex is less. So the sum over all nodes is the body's volume.
     pub fn fill(&self, node: [usize; D]) -> f32 {
         let x = self.layout.position(node);
+        let dx = self.layout.dx();
         let solids = self.solids(true);
-        let distance = solids
-            .near(&x)
-            .map(|index| self.list[index].distance_in(solids.pose(index), &x).0)
-            .fold(f32::INFINITY, f32::min);
-        cumulative(f64::from(-distance / self.layout.dx())) as f32
+        let distance = |index: usize, x: &Vector<D>| {
+            let pose = solids.pose(index);
+            self.list[index].distance_in(pose, x).0
+        };
+        // The second moment of these points is that of the spline, 1/4 along each axis.
+        let around = (0.25 * D as f32).sqrt() * dx;
+        let mean = |index: usize| {
+            let middle = distance(index, &x);
+            if index < self.first_body || middle.abs() > SPLINE_CELLS * dx + around {
+                return middle;
+            }
+            let beside = |axis: usize, side: f32| {
+                let mut place = x;
+                place[axis] += side * around;
+                distance(index, &place)
+            };
+            let sums = (0..D).map(|axis| beside(axis, 1.0) + beside(axis, -1.0));
+            sums.sum::<f32>() / (2 * D) as f32
+        };
+        let distance = solids.near(&x).map(mean).fold(f32::INFINITY, f32::min);
+        cumulative(f64::from(-distance / dx)) as f32
     }
 
     /// Whether a point lies inside of one, as they are now.

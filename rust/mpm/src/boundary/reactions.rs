@@ -2,6 +2,7 @@
 //!
 //! Each slab of the grid has sums of its own, so that their order does not depend on threads.
 
+use super::edge::EdgeLine;
 use super::lines::{Line, Probe};
 use crate::linalg::Vector;
 
@@ -53,6 +54,8 @@ pub struct Reactions<const D: usize> {
     pub probes: Vec<Probe<D>>,
     /// The lines across moving solids that this substep has found, by the axis along which they lie.
     pub(super) lines: [Vec<Line<D>>; D],
+    /// The same of lines at edges of rigid bodies.
+    pub(super) edges: Vec<EdgeLine<D>>,
     /// Else nothing is added, but of rigid bodies.
     pub kept: bool,
 }
@@ -66,6 +69,7 @@ impl<const D: usize> Reactions<D> {
             bodies: vec![Wrench::NONE; bodies],
             probes: Vec::new(),
             lines: std::array::from_fn(|_| Vec::new()),
+            edges: Vec::new(),
             kept: true,
         }
     }

@@ -365,7 +365,7 @@ impl<'a> FieldMap<'a> {
     }
 
     /// Whether the nodes of some chunks belong to one field alone, or to nobody.
-    pub fn is_one(&self, chunks: [usize; 3]) -> bool {
+    pub fn is_one<const N: usize>(&self, chunks: [usize; N]) -> bool {
         let holders = chunks.map(|chunk| self.holders[chunk]);
         let first = holders.iter().find(|holder| **holder != Holder::NOBODY);
         let same = |holder: &Holder| *holder == Holder::NOBODY || Some(holder) == first;
