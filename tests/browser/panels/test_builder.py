@@ -321,3 +321,37 @@ def test_a_scene_in_space_is_built_simulated_and_saved(
     assert (corners.min(axis=0) + corners.max(axis=0)) / 2 == pytest.approx([0.76, 0.25, 0.71], abs=1e-3)
     assert page.evaluate("document.documentElement.scrollWidth") == width
     assert not visit.errors
+
+
+@pytest.mark.long
+def test_a_scene_of_a_file_is_changed_and_keeps_the_rest(open_page: Open, service: LiveService) -> None:
+    scene = {
+        "dim": 3,
+        "world": {"size": [2, 1, 1]},
+        "resolution": 16,
+        "walls": {"lower": [0.1] * 3, "upper": [1.9, 0.9, 0.9]},
+        "bodies": [],
+        "obstacles": [{"shape": "half_space", "point": [0.5, 0.2, 0.5], "normal": [0.3, 1, 0]}],
+        "emitters": [
+            {
+                "shape": "round",
+                "center": [1.5, 0.7, 0.5],
+                "radius": 0.1,
+                "velocity": [0, -1, 0],
+                "start": 0.01,
+            }
+        ],
+    }
+    scene["emitters"][0]["material"] = "water"
+    session = service.post("/v1/sessions", {"scene": scene})["id"]
+    visit = open_page(f"renderer=canvas2d&simulate=server&session={session}", until="body.state === 'live'")
+    visit.page.get_by_role("button", name="Build").click()
+    expect(_things(visit)).to_have_count(2)
+    visit.page.locator("#build-picture .water").focus()
+    visit.page.keyboard.press("ArrowRight")
+    visit.page.keyboard.press("PageDown")
+    built = _simulated(visit, service)
+    assert built["emitters"][0]["center"] == pytest.approx([1.51, 0.7, 0.51])
+    assert built["emitters"][0]["start"] == pytest.approx(0.01)
+    assert (built["obstacles"][0]["normal"], built["world"]) == ([0.3, 1, 0], scene["world"])
+    service.end(session)

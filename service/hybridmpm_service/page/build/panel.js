@@ -224,13 +224,15 @@ async function start() {
 
 /** Begin with the current scene. */
 async function beginWithShown() {
+  let scene;
   try {
-    const { scene } = await state.parts.log();
-    draft.begin(scene);
+    ({ scene } = await state.parts.log());
   } catch (problem) {
     setText("build-status", `The current scene cannot be read: ${problem.title}. This is an empty box.`);
     draft.empty(2);
+    return;
   }
+  draft.begin(scene);
 }
 
 /** Show what can be added in as many dimensions as the draft has. */

@@ -226,9 +226,9 @@ function endsOf(record) {
   return [record.start, record.end].map((p) => placeOf(minus(p, pose.center), pose));
 }
 
-/** Where a record can be taken in a view: {name: point}; undefined where it is a box that lies straight, or a ball. */
+/** Where a record can be taken in a view: {name: point}; undefined where nothing of it is of its own in space. */
 export function handlesInSpace({ part, record }, view) {
-  if (record.shape === "ball" || record.shape === "round") return undefined;
+  if (["ball", "round", "half_space"].includes(record.shape)) return undefined;
   const center = centerInSpace(record);
   const handles = {};
   if (record.start !== undefined) {

@@ -74,13 +74,20 @@ function opening(lower, upper, direction, speed) {
 /** Make a thing of a kind in the room between two corners: {part, record}. */
 export const made = (kind, a, b, room) => ({ part: KINDS[kind].part, record: KINDS[kind].make(box(a, b, room), a, b) });
 
-/** The things of a scene, in the order of the scene file. */
-export const thingsOf = (scene) => PARTS.flatMap((part) => (scene[part] ?? []).map((record) => ({ part, record })));
+/** The things of a scene, in the order of the scene file. The start of an emitter is a time, that of other records a place. */
+export const thingsOf = (scene) =>
+  PARTS.flatMap((part) =>
+    (scene[part] ?? []).map((record) => {
+      if (part !== "emitters") return { part, record };
+      const { start, stop, ...rest } = record;
+      return { part, record: { ...rest, times: { start, stop } } };
+    }),
+  );
 
 /** A scene with other things in it. */
 export function sceneOf(base, things) {
   const scene = structuredClone(base);
-  for (const part of PARTS) scene[part] = things.filter((thing) => thing.part === part).map(({ record }) => record);
+  for (const part of PARTS) scene[part] = things.filter((thing) => thing.part === part).map(({ record: { times, ...record } }) => ({ ...record, ...times }));
   return scene;
 }
 

@@ -7,7 +7,7 @@ function flow(value) {
   if (Array.isArray(value)) return `[${value.map(flow).join(", ")}]`;
   if (typeof value === "number") return numeral(value);
   if (value === null || typeof value !== "object") return JSON.stringify(value);
-  return `{${Object.entries(value).map(([key, one]) => `${key}: ${flow(one)}`).join(", ")}}`;
+  return `{${Object.entries(value).filter(([, one]) => one !== undefined).map(([key, one]) => `${key}: ${flow(one)}`).join(", ")}}`;
 }
 
 /** The text of a scene file. */
