@@ -125,9 +125,9 @@ LIMITS = {
     # 560 lines send rigid bodies to viewers, place them, and pull at them.
     # 180 lines fill closed surfaces.
     # 220 lines take rigid bodies into files of all kinds, onto meshes and into pages that play.
-    # 150 lines build scenes in space, and pull at bodies in pages that play.
+    # 190 lines build scenes in space, and pull at bodies in pages that play.
     # 45 lines time packages of others, and what grows.
-    "tests": (("tests/**.py",), 38_805),
+    "tests": (("tests/**.py",), 38_845),
     "tests of the laboratory": (("tests/lab/**.py",), 2_110),
 }
 """Patterns of git, and the most lines of the files that they match."""
