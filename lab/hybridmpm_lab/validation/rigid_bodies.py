@@ -22,6 +22,8 @@ from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result
 
 DENSITIES = (300.0, 500.0, 800.0)
 """Densities of the boxes that float in 2D [kg/m^3]."""
+PLACES = (0.1, 0.4, 0.65)
+"""Shifts of the block in 3D [cells]; the contact at edges was chosen at others."""
 _G, _RESOLUTION, _WATER = 9.81, 64, 1000.0
 _LAW = 0.02  # accepted relative error of each law [-]
 _TILT, _UPRIGHT = (
@@ -34,11 +36,13 @@ _SLOPE = math.radians(20)
 
 
 def run(
-    densities: Sequence[float] = DENSITIES, seconds: tuple[float, float, float] = (6.0, 2.5, 10.0)
+    densities: Sequence[float] = DENSITIES,
+    seconds: tuple[float, float, float] = (6.0, 2.5, 10.0),
+    places: Sequence[float] = PLACES,
 ) -> Result:
     """Run all; `seconds` are the lengths of the runs that float in 2D, in 3D, and of the stacks."""
     shares, panel = _floating(densities, seconds[0])
-    checks = [*shares, _floating_in_space(seconds[1])]
+    checks = [*shares, *(_floating_in_space(seconds[1], place) for place in places)]
     if seconds[0] >= 6.0:
         righted, angles = _righting(seconds[0])
         checks.append(righted)
@@ -61,14 +65,16 @@ def _floating(densities: Sequence[float], seconds: float) -> tuple[list[Check], 
     return checks, Panel("Floating", "ratio of the densities", "submerged share", curves)
 
 
-def _floating_in_space(seconds: float) -> Check:
-    """Let a block float in a pool in 3D."""
-    block = RigidBox(lower=(0.14, 0.22, 0.14), upper=(0.36, 0.42, 0.36), density=500.0)
-    walls = Walls(lower=(0.0, 0.0, 0.0), upper=(0.5, 0.6, 0.5))
-    water = Box(material="water", lower=(0.0, 0.0, 0.0), upper=(0.5, 0.3, 0.5))
+def _floating_in_space(seconds: float, place: float) -> Check:
+    """Let a block float in a pool in 3D, all of it moved by a part of a cell."""
+    shift = place / _RESOLUTION
+    block = RigidBox(lower=(0.1 + shift, 0.095, 0.1 + shift), upper=(0.32 + shift, 0.295, 0.32 + shift))
+    walls = Walls(lower=(shift, 0.0, shift), upper=(0.42 + shift, 0.5, 0.42 + shift))
+    water = Box(material="water", lower=walls.lower, upper=(walls.upper[0], 0.1875, walls.upper[2]))
     scene = Scene(dim=3, resolution=_RESOLUTION, walls=walls, bodies=[water], rigid=[block])
     error = _share(scene, seconds) / 0.5 - 1
-    return Check.at_most("3D, 500 kg/m³: submerged share, relative error", error, _LAW)
+    name = f"3D, 500 kg/m³, {place:g} cells off the nodes: submerged share, relative error"
+    return Check.at_most(name, error, _LAW)
 
 
 def _pool(*rigid: RigidBody) -> Scene:
