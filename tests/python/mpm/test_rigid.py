@@ -28,11 +28,11 @@ from hybridmpm import (
     export,
     plan,
 )
-from hybridmpm.control import Arrow, prepare
+from hybridmpm.control import Arrow, prepare, pull
 from hybridmpm.data.generation.solids import Solids
 from hybridmpm.recording import Recording, record
 from hybridmpm.render import view_of
-from hybridmpm.scene import HalfSpaceObstacle
+from hybridmpm.scene import HalfSpaceObstacle, Walls
 
 
 def _pool(*rigid: Any, level: float = 0.5, resolution: int = 32, **fields: Any) -> Scene:
@@ -104,6 +104,17 @@ def test_boxes_stand_on_each_other_under_water_and_a_snapshot_keeps_the_bits() -
     other.advance(40)
     assert other.rigid_bodies.center.tobytes() == solver.rigid_bodies.center.tobytes()
     assert other.positions.tobytes() == solver.positions.tobytes()
+
+
+def test_no_water_creeps_under_a_box_that_is_pressed_to_the_floor() -> None:
+    box = RigidBox(lower=(0.35, 0.001), upper=(0.65, 0.2), density=400)
+    walls = Walls(lower=(0.0, 0.0), upper=(1.0, 1.0))
+    water = Box(material="water", lower=(0.0, 0.0), upper=(1.0, 0.4))
+    solver = MpmSolver(Scene(dim=2, resolution=64, walls=walls, bodies=(water,), rigid=(box,)))
+    for _ in range(2):
+        solver.advance(60, pull(0, (0.5, -2.0), strength=20_000.0))
+    x = solver.positions
+    assert not ((np.abs(x[:, 0] - 0.5) < 0.13) & (x[:, 1] < 0.05)).any()
 
 
 def test_a_body_slides_and_holds_on_an_obstacle() -> None:

@@ -444,7 +444,8 @@ impl<const D: usize> Obstacles<D> {
                 let mut node = layout.row_coordinates(line.node / layout.row_length);
                 node[D - 1] = line.node % layout.row_length;
                 let is_across = across.contains(&node[0]);
-                let may_be = self.is_body(line.obstacle);
+                // Nothing has room to flow from beside a face that all but lies on a wall.
+                let may_be = self.is_body(line.obstacle) && !self.is_at_wall(line, axis);
                 if let Some(edge) = may_be.then(|| solids.at_edge(line, node, axis)).flatten() {
                     edges.extend(is_across.then_some(edge));
                     return false;
@@ -456,6 +457,16 @@ impl<const D: usize> Obstacles<D> {
                 }
             });
         }
+    }
+
+    /// Whether a line's face is nearer than a cell to the wall that it faces.
+    fn is_at_wall(&self, line: &Line<D>, axis: usize) -> bool {
+        let room = if line.normal[axis] < 0.0 {
+            line.x[axis] - self.walls.lower[axis]
+        } else {
+            self.walls.upper[axis] - line.x[axis]
+        };
+        room < self.layout.dx()
     }
 
     fn has_bodies(&self) -> bool {
