@@ -54,6 +54,7 @@ def test_rows_of_the_solver(tmp_path: Path) -> None:
         assert row["loaded"] == (row["slowdown"] >= timing.QUIET)
 
 
+@pytest.mark.long
 def test_packages_of_others_are_timed_between_runs_of_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
