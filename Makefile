@@ -9,7 +9,7 @@ WHEEL_FLAGS ?= --zig --compatibility manylinux2014
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint format bench validate site docs web types licences npm wheel release clean
+.PHONY: help setup lock dev run cluster test test-rust test-python test-all lint lint-rust format bench validate site docs web types licences npm wheel release clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -48,11 +48,13 @@ test-python: dev ## tests of library, service and page on all cores; lists the s
 test-all: test ## the default suite, then the long twins of its tests, within an hour on two cores
 	$(BIN)/pytest -m long --numprocesses auto --dist worksteal --durations 10
 
-lint: dev ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
+lint: dev lint-rust ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --concise hybridmpm._native
+
+lint-rust: $(VENV)/.venv
 	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo fmt --all --check
 
