@@ -59,6 +59,8 @@ _PEERS = "--peer taichi --peer quadrants"
 _BASELINES = "--baseline taichi --baseline quadrants --baseline warp"
 RESULTS = (
     Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),
+    Result(name="packages", command="packages", minutes=5, has_chart=False),
+    Result(name="scaling", command="scaling", minutes=10),
     Result(name="batch", command="batch", minutes=5, has_chart=False),
     Result(name="coarse", command="coarse", minutes=25, has_runs=True),
     Result(
