@@ -201,7 +201,8 @@ def draw(rows: Sequence[Row], file: Path) -> None:
             label = line if slope is None else f"{line}: {slope:.2f}"
             axis.plot([one[0] for one in mine], [one[1] for one in mine], marker=marker, label=label)
         axis.set(xscale="log", yscale="log", xlabel=_LABELS[part], ylabel=here[0]["unit"])
-        charts.plain_log_ticks(axis.xaxis)
+        if max(row["size"] for row in here) < 100 * min(row["size"] for row in here):  # else they overlap
+            charts.plain_log_ticks(axis.xaxis)
         charts.plain_log_ticks(axis.yaxis)
         if len(lines) > len(CASES):  # room for the legend below
             axis.set_ylim(bottom=min(row["value"] for row in here) / 8)

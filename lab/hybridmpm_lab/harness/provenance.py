@@ -51,7 +51,7 @@ class Provenance:
     date: str
     """Date of the run, ISO 8601, UTC."""
     commit: str | None
-    """Commit of the checkout, followed by "-dirty" where files differ; None outside a checkout."""
+    """Commit of the checkout, with "-dirty" where more than results differs; None outside a checkout."""
     command: str
     """Command that measures the rows again."""
     solver_version: int = SOLVER_VERSION
@@ -107,6 +107,8 @@ def _commit(file: Path) -> str | None:
         # An installed copy may lie in some other project's checkout, which does not track it.
         git("ls-files", "--error-unmatch", file.name)
         head = git("rev-parse", "--short=12", "HEAD")
-        return f"{head}-dirty" if git("status", "--porcelain", "--untracked-files=no") else head
+        # Results of earlier measurements take no part in this one.
+        but_results = ("--untracked-files=no", "--", ":(top,exclude)docs/results")
+        return f"{head}-dirty" if git("status", "--porcelain", *but_results) else head
     except (OSError, subprocess.CalledProcessError):
         return None

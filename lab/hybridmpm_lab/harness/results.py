@@ -61,7 +61,7 @@ RESULTS = (
     Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),
     Result(name="packages", command="packages", minutes=5, has_chart=False),
     Result(name="scaling", command="scaling", minutes=10),
-    Result(name="batch", command="batch", minutes=5, has_chart=False),
+    Result(name="batch", command="batch --scenes 16 --scenes 256", minutes=2, has_chart=False),
     Result(name="coarse", command="coarse", minutes=25, has_runs=True),
     Result(
         name="tradeoff",
