@@ -90,12 +90,7 @@ RESULTS = (
 _BEFORE = "of solver version 5; places of particles, obstacles, sand changed since; hours of an idle machine"
 STALE = {
     "neighbors": _BEFORE,
-    "coarse": _BEFORE,
-    "models": _BEFORE,
     "hybrid": _BEFORE,
-    "hybrid-worst": _BEFORE,
-    "mpm": "of solver version 4; half an hour of an idle machine",
-    "batch": "of solver version 4; wants an idle machine",
     "tradeoff": "MPM without networks is of solver version 4; an hour, times on an idle machine",
     "stability-map": "of solver version 5, and its networks were trained anew",
 }
