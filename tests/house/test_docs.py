@@ -21,8 +21,8 @@ FILMS = {".gif", ".mp4", ".webm"}
 MOST = {
     "docs": 6_000_000,
     "docs films": 4_000_000,
-    # 25 kB are rows of shapes and of several goals in turn; 70 of what grows, of packages, and of distances of
-    # transport and densities beside the errors of coarse levels and networks.
+    # 25 kB are rows of shapes and of several goals in turn; 70 of what grows, of packages, and of transport
+    # and densities of coarse levels and networks.
     "docs/results rows": 1_100_000,
     "docs/results charts": 1_500_000,
 }
