@@ -109,6 +109,7 @@ def test_rows_of_the_cost_of_contact(tmp_path: Path) -> None:
 @pytest.mark.skipif(
     os.environ.get("CI") != "true" and shutil.which("chromium") is None, reason="needs Debian's chromium"
 )
+@pytest.mark.long
 def test_rows_of_pages_that_play(tmp_path: Path) -> None:
     printed, rows = measured(tmp_path, "playing", "--scenario", "water_2d", "--seconds", "1", chart=False)
     assert [(row["scene"], row["coarse"]) for row in rows] == [("water_2d", None), ("dam-in-space", "1/16")]
