@@ -13,6 +13,7 @@ _MODULES = {
     "fit": "fitting.levels",
     "hybrid": "compare.hybrid",
     "models": "compare.lists",
+    "networks": "speed.networks",
     "packages": "speed.packages",
     "plan-errors": "compare.plan_errors",
     "playing": "speed.playing",

@@ -91,6 +91,33 @@ def test_slopes_of_what_grows(tmp_path: Path) -> None:
     assert "ms a substep" in printed
 
 
+def test_a_gpu_that_is_missing_is_refused_before_anything_is_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    done = CliRunner().invoke(cli, ["speed", "--baseline", "warp", "--device", "cuda"])
+    assert (done.exit_code, "nvidia-smi finds no GPU" in done.output) == (2, True)
+
+
+@pytest.mark.long
+def test_rows_of_the_networks_steps(tmp_path: Path) -> None:
+    arguments = ["--scenario", "water_2d", "--device", "cpu"]
+    printed, rows = measured(tmp_path, "networks", *arguments, chart=False)
+    assert [row["method"] for row in rows] == [
+        "network 128 x 10", "network 128 x 10", "network 48 x 3",
+        *["MPM, all particles"] * 2, *["MPM, coarse 1/16"] * 2,
+    ]  # fmt: skip
+    paper, thinned, ships, solver, *_ = rows
+    assert (paper["r_t"], thinned["r_t"], ships["r_t"]) == (1, 2, 4)
+    for row, r_p in ((paper, 1), (thinned, 1 / 1.75), (ships, 1 / 8)):
+        assert row["particles"] == pytest.approx(r_p * solver["particles"], rel=0.01)
+        assert 6 < row["edges"] / row["particles"] < 20
+        assert 0 < row["search"] < row["ms_per_frame"]
+        assert f"{row['network']}" in printed
+    refused = CliRunner().invoke(cli, ["networks", *arguments, "--way", "captured"])
+    assert "way captured needs a GPU of CUDA; choose eager on cpu" in refused.output
+
+
 def test_rows_of_the_cost_of_forces(tmp_path: Path) -> None:
     printed, (row,) = measured(tmp_path, "forces", "--scenario", "water_2d", "--repeats", "2", chart=False)
     assert row["scene"] == "water_2d"

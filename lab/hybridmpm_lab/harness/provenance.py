@@ -14,6 +14,7 @@ import onnx
 import hybridmpm
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm.errors import ConfigError
 from hybridmpm_lab.harness.rows import Row
 
 _LIBRARY = Path(hybridmpm.__file__).parent
@@ -82,6 +83,22 @@ def provenance(command: str) -> Provenance:
         commit=_commit(Path(__file__)),
         command=command,
     )
+
+
+def gpu_model() -> str:
+    """Return the name of the first GPU, as NVIDIA's driver gives it.
+
+    Raises
+    ------
+    ConfigError
+        There is no such driver or GPU.
+    """
+    try:
+        query = ["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"]
+        found = subprocess.run(query, capture_output=True, check=True, text=True).stdout  # noqa: S603
+        return found.splitlines()[0]
+    except (OSError, subprocess.CalledProcessError, IndexError):
+        raise ConfigError("nvidia-smi finds no GPU on this machine; choose the device cpu") from None
 
 
 def outdated(row: Row) -> str | None:

@@ -20,9 +20,10 @@ from hybridmpm.mpm import MpmBatch, MpmSolver
 from hybridmpm.scene import Box, Scene
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, measured, setting
+from hybridmpm_lab.harness.provenance import gpu_model
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
-from hybridmpm_lab.speed.baselines import SOLVERS, Baseline, baseline_process, require_installed
+from hybridmpm_lab.speed.baselines import DEVICES, SOLVERS, Baseline, baseline_process, require_installed
 
 CASES = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
 """Dimension and material of falling blocks."""
@@ -50,6 +51,7 @@ class SolverSettings:
     baseline: tuple[str, ...] = setting(
         (), "Package of a plain solver to be timed by turns; the fastest of all their ways counts.", SOLVERS
     )
+    device: str = setting("cpu", "Device of the plain solvers; ours is on the CPU.", DEVICES)
     repeats: int = setting(25, "Number of timings of each.", low=1, high=1000)
 
     @property
@@ -99,15 +101,21 @@ def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
 
     Raises
     ------
+    ConfigError
+        A baseline is not installed, or the device is cuda and there is none.
     SimulationError
         The state before the measurement is not a splash, or a baseline's state afterwards is not ours: a
         speed would mean nothing.
     """
     for package in settings.baseline:
         require_installed(package)
+    if settings.device == "cuda":
+        gpu_model()  # refuses before anything is measured
     calibration = Calibration(max(settings.threads))
     with contextlib.ExitStack() as stack:
-        baselines = [stack.enter_context(baseline_process(name)) for name in settings.baseline]
+        baselines = [
+            stack.enter_context(baseline_process(name, settings.device)) for name in settings.baseline
+        ]
         for particles, run_up, (dim, of) in settings.blocks:
             before = calibration.slowdown()
             rows = _timed(falling_block(dim, of, particles), run_up, settings, baselines)
@@ -153,9 +161,11 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
     ns = [round(1e9 * float(low) / (count * substeps), 2) for low, _ in quartiles]
 
     peer: dict[str, Any] = dict.fromkeys(("peer", "peer_way", "peer_threads", "peer_ns"))
+    if settings.device == "cuda":
+        peer["peer_device"] = gpu_model()
     if others:
         fastest = min(range(len(others)), key=lambda k: ns[len(solvers) + k])
-        peer = dict(zip(peer, (*others[fastest][1:], ns[len(solvers) + fastest]), strict=True))
+        peer |= zip(peer, (*others[fastest][1:], ns[len(solvers) + fastest]), strict=False)
     return [
         {
             "particles": count,
@@ -231,7 +241,7 @@ speed = Measurement(
     columns=(
         "dim", "material", "frame", "particles", "resolution", "threads", "instructions", "substeps",
         "ns_per_particle_substep", "spread", "ms_per_frame", "slowdown", "loaded", "peer", "peer_way",
-        "peer_ns", "ratio",
+        "peer_device", "peer_ns", "ratio",
     ),
     draw=draw,
     summary="""Time the solver on splashing blocks.

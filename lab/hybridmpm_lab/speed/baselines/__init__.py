@@ -22,6 +22,8 @@ from hybridmpm.scene import Scene
 
 SOLVERS = ("taichi", "quadrants", "warp")
 """Packages in which a plain MLS-MPM solver is written; quadrants is Taichi's maintained fork."""
+DEVICES = ("cpu", "cuda")
+"""Devices on which the solvers of others run."""
 _MODULES = {"taichi": "taichi_mpm", "quadrants": "taichi_mpm", "warp": "warp_mpm"}
 
 State = tuple[npt.NDArray[np.float32], ...]
@@ -38,14 +40,15 @@ def require_installed(package: str) -> None:
 
 
 class Baseline:
-    """A package of `SOLVERS`, and its solvers of one scene by the way in which they run."""
+    """A package of `SOLVERS` on one of `DEVICES`, and its solvers of a scene by the way in which they run."""
 
-    def __init__(self, package: str) -> None:
+    def __init__(self, package: str, device: str = "cpu") -> None:
         if package == "quadrants":
             # The fork has the same names; this is how programs written for Taichi run on it.
             os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
             sys.modules["taichi"] = importlib.import_module("quadrants")
         self._module = importlib.import_module(f"hybridmpm_lab.speed.baselines.{_MODULES[package]}")
+        self._device = device
         self._solvers: dict[str, Any] = {}
         self._state: State
 
@@ -54,17 +57,18 @@ class Baseline:
 
         `state` is the one that `restore` returns to: positions, velocities, affine matrices and volume
         ratios; that of the scene's bodies if absent. Returns name and version of the package, and the threads
-        of each way.
+        of the CPU of each way, none on a GPU.
         """
         x = scene.sample()
         still = np.zeros((*x.x.shape, scene.dim), np.float32)
         self._state = state or (x.x, x.v, still, np.ones(len(x.x), np.float32))
         self._solvers.clear()
-        self._module.start()
-        for way in self._module.WAYS:
-            self._solvers[way] = self._module.Solver(scene, substeps=substeps, way=way)
+        self._module.start(self._device)
+        ways = self._module.WAYS[self._device]
+        for way in ways:
+            self._solvers[way] = self._module.Solver(scene, substeps=substeps, device=self._device, way=way)
             self.restore(way)
-        return self._module.NAME, self._module.WAYS
+        return self._module.NAME, ways
 
     def restore(self, way: str, frames: int = 0) -> None:
         """Return a solver to the state some frames after that of `start`."""
@@ -85,14 +89,14 @@ class Baseline:
 class _Processes(BaseManager):
     """Starts a process whose objects are called from here."""
 
-    Baseline: Callable[[str], Baseline]
+    Baseline: Callable[[str, str], Baseline]
 
 
 _Processes.register("Baseline", Baseline)
 
 
 @contextmanager
-def baseline_process(package: str) -> Iterator[Baseline]:
+def baseline_process(package: str, device: str = "cpu") -> Iterator[Baseline]:
     """Yield a `Baseline` in a process of its own, which ends with the block; errors there are raised here."""
     with _Processes(ctx=get_context("spawn")) as process:
-        yield process.Baseline(package)
+        yield process.Baseline(package, device)

@@ -14,6 +14,7 @@ import os
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm_lab.speed.baselines.constants import LOSS, SMALLEST_STRETCH, Constants
 
@@ -25,8 +26,8 @@ os.environ.setdefault("QD_ENABLE_PYBUF", "0")
 import taichi as ti
 
 NAME = f"{ti.__name__} " + ".".join(str(part) for part in ti.__version__)
-WAYS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
-"""Threads by the way in which the loops of a solver run.
+WAYS = {"cpu": {"serial": 1, "serial_scatter": 2, "atomic": 2}, "cuda": {"atomic": 0}}
+"""Threads of the CPU by device, and by the way in which the loops of a solver run.
 
 "serial": each loop runs on one thread, which lets Taichi add to the grid without atomics. "atomic": each loop
 runs on all threads, as in the examples. "serial_scatter": the loop that adds to the grid runs on one thread,
@@ -34,21 +35,31 @@ the others on all.
 """
 
 
-def start() -> None:
-    """Start Taichi afresh; solvers made before are void."""
+def start(device: str) -> None:
+    """Start Taichi afresh on a device of `WAYS`; solvers made before are void.
+
+    Raises
+    ------
+    ConfigError
+        Taichi cannot use the device.
+    """
+    arch = getattr(ti, device)
     with contextlib.redirect_stdout(io.StringIO()):  # it announces its backend
-        ti.init(arch=ti.cpu, default_fp=ti.f32, cpu_max_num_threads=2, log_level=ti.ERROR)
+        ti.init(arch=arch, default_fp=ti.f32, cpu_max_num_threads=2, log_level=ti.ERROR)
+    if device == "cuda" and ti.cfg.arch != arch:  # it takes the CPU then
+        raise ConfigError(f"{NAME} finds no GPU of CUDA; choose the device cpu")
 
 
 @ti.data_oriented
 class Solver(Constants):
     """MLS-MPM for water or sand on Taichi; call `start` once before the first.
 
-    Parameters and errors are those of `Constants`, and one of `WAYS`. N is the number of particles, D the
-    dimension.
+    Parameters and errors are those of `Constants`, a device, and one of its `WAYS`. N is the number of
+    particles, D the dimension.
     """
 
-    def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
+    def __init__(self, scene: Scene, *, substeps: int, device: str, way: str) -> None:
+        del device  # that of `start`
         super().__init__(scene, substeps)
         self._serial, self._serial_scatter = way == "serial", way != "atomic"
         self._gravity = ti.Vector(scene.gravity)

@@ -1,4 +1,4 @@
-"""MLS-MPM in plain Warp, whose kernels run on one thread of a CPU.
+"""MLS-MPM in plain Warp, whose kernels run on one thread of a CPU, or on a GPU.
 
 Dense grid, quadratic B-splines, APIC, float32. Materials, constants and walls are those of `taichi_mpm`.
 """
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm_lab.speed.baselines.constants import Constants
 from hybridmpm_lab.speed.baselines.warp_kernels import kernels
@@ -16,21 +17,26 @@ from hybridmpm_lab.speed.baselines.warp_kernels import kernels
 wp.config.log_level = wp.LOG_WARNING
 
 NAME = f"warp {wp.__version__}"
-WAYS = {"plain": 1}
-"""Threads by the way in which a solver runs."""
+WAYS = {"cpu": {"plain": 1}, "cuda": {"captured": 0}}
+"""Threads of the CPU by device, and by the way in which a solver runs.
+
+"captured": the launches of a frame are one graph of CUDA, which spares the CPU's part of each.
+"""
 
 
-def start() -> None:
-    """Start Warp."""
+def start(device: str) -> None:
+    """Start Warp; raises `ConfigError` where it cannot use a device of `WAYS`."""
     wp.init()
+    if device == "cuda" and not wp.is_cuda_available():
+        raise ConfigError(f"{NAME} finds no GPU of CUDA; choose the device cpu")
 
 
 class Solver(Constants):
-    """MLS-MPM for water or sand on Warp's CPU; parameters, methods and limits are `taichi_mpm.Solver`'s."""
+    """MLS-MPM for water or sand on Warp; parameters, methods and limits are `taichi_mpm.Solver`'s."""
 
-    def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
-        del way  # there is one
+    def __init__(self, scene: Scene, *, substeps: int, device: str, way: str) -> None:
         super().__init__(scene, substeps)
+        self._device = device
         made = kernels(scene.dim, water=self.water)
         s = made.Setting()
         for name in (
@@ -53,13 +59,13 @@ class Solver(Constants):
         count, nodes = len(particles.x), scene.resolution**scene.dim
 
         def zeros(size: int, dtype: Any = wp.float32) -> Any:
-            return wp.zeros(size, dtype=dtype, device="cpu")
+            return wp.zeros(size, dtype=dtype, device=device)
 
         self._x, self._v = zeros(count, made.vec), zeros(count, made.vec)
         self._C, self._F, self._tau = (zeros(count, made.mat) for _ in range(3))
         self._J, self._gain = zeros(count), zeros(count)
         mass, volume = (
-            wp.array(one, dtype=wp.float32, device="cpu") for one in (particles.mass, particles.volume)
+            wp.array(one, dtype=wp.float32, device=device) for one in (particles.mass, particles.volume)
         )
         grid_v, grid_m = zeros(nodes, made.vec), zeros(nodes)
         grid, state = [grid_v, grid_m], [self._x, self._v, self._C]
@@ -71,9 +77,15 @@ class Solver(Constants):
         )
         # Recorded launches spare Python's part of each.
         self._launches = [
-            wp.launch(getattr(made, name), dim=size, inputs=inputs, device="cpu", record_cmd=True)
+            wp.launch(getattr(made, name), dim=size, inputs=inputs, device=device, record_cmd=True)
             for name, size, inputs in calls
         ]
+        self._frame: Any = None
+        if way == "captured":
+            self.advance(1)  # compiles, which a capture must not
+            with wp.ScopedCapture(device=device) as capture:
+                self._launch_frame()
+            self._frame = capture.graph
 
     def load(
         self,
@@ -90,8 +102,16 @@ class Solver(Constants):
         self._gain.zero_()
 
     def advance(self, frames: int) -> None:
-        """Advance by whole frames."""
-        for _ in range(frames * self.substeps):
+        """Advance by whole frames, and wait until they are computed."""
+        for _ in range(frames):
+            if self._frame is None:
+                self._launch_frame()
+            else:
+                wp.capture_launch(self._frame)
+        wp.synchronize_device(self._device)
+
+    def _launch_frame(self) -> None:
+        for _ in range(self.substeps):
             for launch in self._launches:
                 launch.launch()
 
