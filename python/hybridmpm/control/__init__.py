@@ -48,7 +48,7 @@ from hybridmpm.control.sketch.solid import Solid
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
 from hybridmpm.control.sketch.tracing import shape_of_path, shape_of_picture, shape_of_text
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
-from hybridmpm.scene.facets import MAX_TRIANGLES
+from hybridmpm.scene.meshes import MAX_TRIANGLES
 
 __all__ = [
     "DEFAULT_CAP",

@@ -112,7 +112,7 @@ class Polygon(PolygonShape, _Body):
             A value is out of range.
         """
         fields = {"vertices": corners_around(outlines), "material": material}
-        return cls.model_validate(fields | {"velocity": velocity, "seed": seed})
+        return cls(**fields, velocity=velocity, seed=seed)
 
 
 class Mesh(MeshShape, _Body):
@@ -155,7 +155,7 @@ class Mesh(MeshShape, _Body):
             The surface is not closed, the message names open edges, or a value is out of range.
         """
         fields = mesh_of(path, center, height) | {"material": material}
-        return cls.model_validate(fields | {"velocity": velocity, "seed": seed})
+        return cls(**fields, velocity=velocity, seed=seed)
 
 
 Body = Annotated[Box | Ball | Cylinder | Polygon | Mesh, Field(discriminator="shape")]

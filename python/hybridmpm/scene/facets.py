@@ -3,9 +3,10 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +14,11 @@ from pydantic import Field, model_validator
 
 from hybridmpm._support.arguments import float64, real
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.scene import meshes
+from hybridmpm.scene import meshes, surface_files
 from hybridmpm.scene.fields import LONGEST, Point, Points, raise_faults
 from hybridmpm.scene.shapes import Shaped
 
-_MOST_CORNERS = 1000
-MAX_TRIANGLES = 200_000
+MOST_CORNERS = 1000
 _LEVELS = 16
 """Number of heights between two corners of a polygon at which its width is taken."""
 
@@ -35,7 +35,7 @@ class PolygonShape(Shaped):
     """Closed polygon, 2D only. It may be concave; what lies inside follows the even-odd rule."""
 
     shape: Literal["polygon"] = "polygon"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=_MOST_CORNERS)] = Field(
+    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=MOST_CORNERS)] = Field(
         description="Corners of the polygon in order [m]; an edge joins the last to the first."
     )
 
@@ -96,12 +96,12 @@ class MeshShape(Shaped):
     """What a closed surface of triangles encloses, 3D only. The surface must not cross itself."""
 
     shape: Literal["mesh"] = "mesh"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=MAX_TRIANGLES)] = Field(
+    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=meshes.MAX_TRIANGLES)] = Field(
         description="Corners of the triangles, 3 coordinates each [m]."
     )
     triangles: Annotated[
         tuple[Annotated[tuple[int, ...], Field(min_length=3, max_length=3)], ...],
-        Field(min_length=4, max_length=MAX_TRIANGLES),
+        Field(min_length=4, max_length=meshes.MAX_TRIANGLES),
     ] = Field(description="Indices of three vertices each, all of them the same way round.")
 
     @model_validator(mode="after")
@@ -137,8 +137,8 @@ class MeshShape(Shaped):
 
     @property
     def measure(self) -> float:
-        """Volume [m^3]."""
-        return abs(meshes.volume(*self._arrays()))
+        """Volume [m^3]; exact unless the surface crosses itself, then to 0.1 % of what lies inside."""
+        return _inside(self.vertices, self.triangles)
 
     @property
     def smallest_extent(self) -> float:
@@ -155,6 +155,11 @@ class MeshShape(Shaped):
         return meshes.contains(*self._arrays(), points_of(x, 3))
 
 
+@lru_cache(maxsize=16)
+def _inside(vertices: tuple[Point, ...], triangles: tuple[tuple[int, ...], ...]) -> float:
+    return meshes.inside(np.array(vertices), np.array(triangles))
+
+
 def corners_around(outlines: Sequence[npt.ArrayLike]) -> list[list[float]]:
     """Return the corners of one polygon that encloses what several closed lines (K, 2) do."""
     lines = [float64(f"outlines[{number}]", line) for number, line in enumerate(outlines)]
@@ -166,18 +171,43 @@ def corners_around(outlines: Sequence[npt.ArrayLike]) -> list[list[float]]:
             raise ConfigError(f"outlines[{number}] must have shape (K, 2) with K >= 3, got {shape}")
     # Ways from the first line to the others are edges there and back, which count as none.
     corners = np.vstack([lines[0], *(np.vstack([lines[0][:1], line, line[:1]]) for line in lines[1:])])
-    if len(corners) > _MOST_CORNERS:
-        text = f"they have {len(corners)} points with the ways between, at most {_MOST_CORNERS} are allowed"
+    if len(corners) > MOST_CORNERS:
+        text = f"they have {len(corners)} points with the ways between, at most {MOST_CORNERS} are allowed"
         raise ConfigError(f"outlines: {text}; make them simpler")
     return list(corners.tolist())
 
 
-def mesh_of(path: str | Path, center: Sequence[float], height: float) -> dict[str, object]:
+def mesh_of(path: str | Path, center: Sequence[float], height: float) -> dict[str, Any]:
     """Return vertices and triangles of a file, put at `center` with this height [m]; see `Mesh.read`."""
-    vertices, triangles = meshes.read(Path(path))
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    if not high[1] > low[1]:
+    middle = middle_of(center, 3)
+    vertices, triangles = surface_files.read(Path(path))
+    if not len(vertices) or not np.ptp(vertices[:, 1]) > 0:
         raise DataError(f"{path}: the surface has no height, along y")
-    scale = real("height", height, 1e-6, LONGEST) / (high[1] - low[1])
-    placed = (vertices - (low + high) / 2) * scale + float64("center", center)
-    return {"vertices": placed.tolist(), "triangles": triangles.tolist()}
+    (found,) = fitted([vertices], middle, real("height", height, 1e-6, LONGEST))
+    within_worlds(found)
+    return {"vertices": found.tolist(), "triangles": triangles.tolist()}
+
+
+def middle_of(center: npt.ArrayLike, dim: int) -> Points:
+    """Return a place (D,), or raise `ConfigError`."""
+    middle = float64("center", center)
+    if middle.shape != (dim,) or not np.isfinite(middle).all():
+        raise ConfigError(f"center must be {dim} finite numbers [m], got {center!r}")
+    return middle
+
+
+def fitted(parts: Sequence[Points], center: npt.ArrayLike, height: float) -> list[Points]:
+    """Return points (K, D) of parts, with the middle of the box around all at `center` and its height [m]."""
+    points = np.concatenate(parts)
+    low, high = points.min(axis=0), points.max(axis=0)
+    scale = height / (high[1] - low[1])
+    return [(part - (low + high) / 2) * scale + center for part in parts]
+
+
+def within_worlds(points: Points) -> None:
+    """Raise `ConfigError` where points (N, D) lie in no world."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    if low.min() < 0 or high.max() > LONGEST:
+        ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in end)})" for end in (low, high))
+        text = f"all of it must lie in [0, {LONGEST}] m; move its center, or make its height smaller"
+        raise ConfigError(f"the shape reaches from {ends} m: {text}")

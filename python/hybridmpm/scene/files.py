@@ -1,7 +1,5 @@
 """Shapes in files: surfaces of triangles, drawings as SVG, and pictures whose dark parts are a shape."""
 
-import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,24 +7,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._support.arguments import float64, real
+from hybridmpm._support.arguments import real
 from hybridmpm.errors import ConfigError, DataError, SceneError
-from hybridmpm.scene.facets import corners_around, mesh_of
+from hybridmpm.scene.facets import MOST_CORNERS, corners_around, fitted, mesh_of, middle_of, within_worlds
 from hybridmpm.scene.fields import LONGEST, Points
 from hybridmpm.scene.lines import simplified
+from hybridmpm.scene.surface_files import SUFFIXES
+from hybridmpm.scene.svg import drawn_lines
 
 if TYPE_CHECKING:
     from PIL import Image
 
-SURFACES, DRAWINGS = (".stl", ".obj", ".ply", ".glb"), (".svg", ".png")
+SURFACES, DRAWINGS = SUFFIXES, (".svg", ".png")
 """Endings of files of closed surfaces, and of outlines in the plane."""
-_PIECES = 16
-"""Straight pieces of a curve, or of a quarter of a circle."""
 _MOST_PIXELS = 4_000_000
 _FINE = 400
 """Smallest detail of an outline that is kept, as a part of its height, where it has too many points."""
 _FEW_POINTS = 512
 """Points of all outlines beyond which they are made simpler."""
+_AREA, _STRIPS = 0.003, 500
+"""Most that simpler outlines change an area [-], and strips by which it is measured."""
 _PLACED = {"file", "center", "height"}
 
 
@@ -51,16 +51,18 @@ def shape_in(path: str | Path, center: Sequence[float], height: float) -> dict[s
         The file cannot be read, or contains no such shape.
     """
     path, suffix = Path(path), Path(path).suffix.lower()
-    middle = float64("center", center)
     if suffix not in SURFACES + DRAWINGS:
         raise ConfigError(f"files of shapes end in {', '.join(SURFACES + DRAWINGS)}; got {path.name!r}")
-    dim = 3 if suffix in SURFACES else 2
-    if middle.shape != (dim,):
-        raise ConfigError(f"center must have {dim} numbers for {suffix}, got shape {middle.shape}")
+    middle = middle_of(center, 3 if suffix in SURFACES else 2)
     if suffix in SURFACES:
         return {"shape": "mesh"} | mesh_of(path, middle.tolist(), height)
-    lines = drawn_lines(path) if suffix == ".svg" else dark_lines(_grey(path))
-    return {"shape": "polygon", "vertices": corners_around(placed(lines, middle, height))}
+    lines = placed(drawn_lines(path) if suffix == ".svg" else dark_lines(_grey(path)), middle, height)
+    within_worlds(np.concatenate(lines))
+    low, high = np.concatenate(lines).min(axis=0), np.concatenate(lines).max(axis=0)
+    if not _area(lines) > 1e-9 * np.prod(high - low):
+        text = "its lines enclose no area, as where each is there twice; leave doubled ones out"
+        raise DataError(f"{path.name}: {text}")
+    return {"shape": "polygon", "vertices": corners_around(lines)}
 
 
 def resolved(data: Any, folder: Path) -> Any:
@@ -101,83 +103,36 @@ def resolved(data: Any, folder: Path) -> Any:
     return found
 
 
-def drawn_lines(path: Path) -> list[Points]:
-    """Return the closed lines (K, 2) of an SVG file, y up, in its own units; open ones are closed.
-
-    Raises
-    ------
-    ConfigError
-        svgpathtools is not installed.
-    DataError
-        The file is no SVG, or has no line that encloses something.
-    """
-    text = path.read_bytes()
-    # Entities could grow without bound.
-    if re.search(rb"<!\s*(DOCTYPE|ENTITY)[^>]*\[", text, re.IGNORECASE):
-        raise DataError(f"{path.name}: SVG files with entities of their own are not read")
-    try:
-        from svgpathtools import Document  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ConfigError("reading SVG needs svgpathtools: pip install 'hybridmpm[shapes]'") from None
-    try:
-        paths = Document.from_svg_string(text.decode()).paths()
-    except Exception as error:  # noqa: BLE001 - readers of damaged files raise whatever comes
-        raise DataError(f"{path.name} cannot be read as SVG: {error}") from None
-    return _lines_of(paths, path.name)
-
-
-def path_lines(text: str) -> list[Points]:
-    """Return the closed lines (K, 2) of an SVG path, the attribute `d` of its element; as `drawn_lines`."""
-    try:
-        from svgpathtools import parse_path  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ConfigError("reading SVG needs svgpathtools: pip install 'hybridmpm[shapes]'") from None
-    try:
-        return _lines_of([parse_path(text)], "path")
-    except DataError:
-        raise
-    except Exception as error:  # noqa: BLE001 - the parser raises whatever comes
-        raise DataError(f"path: it cannot be read: {error}") from None
-
-
-def _lines_of(paths: Sequence[Any], name: str) -> list[Points]:
-    lines = []
-    for part in (part for whole in paths if len(whole) for part in whole.continuous_subpaths()):
-        points = [part[0].start]
-        for piece in part:
-            # Arcs may go all the way round.
-            quarters = math.ceil(abs(getattr(piece, "delta", 90.0)) / 90.0)
-            count = 1 if type(piece).__name__ == "Line" else _PIECES * quarters
-            points += [piece.point((k + 1) / count) for k in range(count)]
-        if points[0] == points[-1]:
-            points.pop()
-        flat = np.array(points)
-        lines.append(np.stack([flat.real, -flat.imag], axis=-1))
-    lines = [line for line in lines if len(line) > 2]
-    if not lines or not np.ptp(np.concatenate(lines)[:, 1]) > 0:
-        raise DataError(f"{name}: it encloses nothing")
-    return lines
-
-
 def _grey(path: Path) -> npt.NDArray[np.float64]:
     from PIL import Image  # noqa: PLC0415 - scenes without pictures do not need it
 
     try:
         with Image.open(path) as picture:
-            if picture.width * picture.height > _MOST_PIXELS:
-                raise DataError(f"{path.name} has more than {_MOST_PIXELS} pixels; make it smaller")
-            return grey_of(picture)
-    except (OSError, ValueError, Image.DecompressionBombError) as error:
-        raise DataError(f"{path.name} cannot be read as a picture: {error}") from None
+            size = picture.width * picture.height
+            if size <= _MOST_PIXELS:
+                return grey_of(picture)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise DataError(f"{path.name} cannot be read as a picture: {text}") from None
+    raise DataError(f"{path.name} has {size} pixels, at most {_MOST_PIXELS} are allowed; make it smaller")
 
 
 def grey_of(picture: "Image.Image") -> npt.NDArray[np.float64]:
-    """Return the grey values (H, W) of a picture; transparent parts are white."""
+    """Return the grey values (H, W) of a picture; transparent parts are white.
+
+    Of a picture that is equally dark all over, such as a white logo, what is not transparent is dark.
+    """
     from PIL import Image  # noqa: PLC0415 - as above
 
+    if picture.mode.startswith("I"):
+        # Pillow would cut 16 bits at 255.
+        return np.asarray(picture, dtype=np.float64)
     rgba = picture.convert("RGBA")
     ground = Image.new("RGBA", rgba.size, "white")
-    return np.asarray(Image.alpha_composite(ground, rgba).convert("L"), dtype=np.float64)
+    grey = np.asarray(Image.alpha_composite(ground, rgba).convert("L"), dtype=np.float64)
+    if grey.min() == grey.max():
+        return 255.0 - np.asarray(rgba.getchannel("A"), dtype=np.float64)
+    return grey
 
 
 def dark_lines(grey: npt.NDArray[np.float64]) -> list[Points]:
@@ -192,7 +147,8 @@ def dark_lines(grey: npt.NDArray[np.float64]) -> list[Points]:
     """
     middle = (grey.min() + grey.max()) / 2
     if not grey.min() < middle:
-        raise DataError("picture: all of it is equally dark; a shape needs dark parts on a light ground")
+        text = "all of it is equally dark; a shape needs dark parts on a light or transparent ground"
+        raise DataError(f"picture: {text}")
     try:
         import contourpy  # noqa: PLC0415 - an extra
     except ImportError:
@@ -209,16 +165,53 @@ def dark_lines(grey: npt.NDArray[np.float64]) -> list[Points]:
 def placed(lines: Sequence[Points], center: npt.ArrayLike, height: float, fine: int = _FINE) -> list[Points]:
     """Return closed lines (K, 2) at a place and of a height [m], made simpler where they have many points.
 
-    They have at most 512 points, unless details of a sixteenth of the height take more. Details of a
-    `fine` part of the height are kept at first.
+    They have at most 512 points, or as many as a polygon may have where their area would change by 0.3 %.
+    Details of a `fine` part of the height are kept at first.
+
+    Raises
+    ------
+    ConfigError
+        A value is out of range.
+    DataError
+        The area of so many points differs by more than 0.3 %.
     """
-    points = np.concatenate(lines)
-    low, high = points.min(axis=0), points.max(axis=0)
-    scale = real("height", height, 1e-6, LONGEST) / (high[1] - low[1])
-    found = [(line - (low + high) / 2) * scale + np.asarray(center, dtype=np.float64) for line in lines]
-    tolerance = height / fine
-    while sum(map(len, found)) > _FEW_POINTS and tolerance < height / 16:
+    found = fitted(lines, center, real("height", height, 1e-6, LONGEST))
+    if sum(map(len, found)) <= _FEW_POINTS:
+        return [np.ascontiguousarray(line) for line in found]
+    area = _area(found)
+    for most in (_FEW_POINTS, MOST_CORNERS):
+        simple = _simpler(found, most, height / fine)
+        if simple and abs(_area(simple) - area) <= _AREA * area:
+            return simple
+    raise DataError(
+        f"the shape has too many details: {sum(map(len, found))} points in {len(found)} lines, and its area "
+        f"changes by more than {100 * _AREA:g} % with the {MOST_CORNERS} that a polygon may have; leave "
+        "details out, or take it in parts"
+    )
+
+
+def _simpler(lines: Sequence[Points], most: int, tolerance: float) -> list[Points]:
+    """Return lines (K, 2) of so many points, with the ways between; none where they would vanish."""
+    found = list(lines)
+    longest = np.ptp(np.concatenate(found), axis=0).max()
+    while sum(map(len, found)) + 2 * (len(found) - 1) > most:
+        if not tolerance < longest / 16:
+            return []
         simple = [line[simplified(np.vstack([line, line[:1]]), tolerance)[:-1]] for line in found]
         found = [line for line in simple if len(line) > 2]
-        tolerance *= 1.5
+        tolerance *= 1.2
     return [np.ascontiguousarray(line) for line in found]
+
+
+def _area(lines: Sequence[Points]) -> float:
+    """Return the area inside closed lines (K, 2) by the even-odd rule [m^2], from strips along x."""
+    start = np.concatenate(lines)
+    end = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
+    low, high = start[:, 1].min(), start[:, 1].max()
+    total = 0.0
+    for level in low + (high - low) * (np.arange(_STRIPS) + 0.5) / _STRIPS:
+        crossed = (start[:, 1] <= level) != (end[:, 1] <= level)
+        (ax, ay), (bx, by) = start[crossed].T, end[crossed].T
+        across = np.sort(ax + (level - ay) * (bx - ax) / (by - ay))
+        total += float((across[1::2] - across[::2]).sum())
+    return total * float(high - low) / _STRIPS

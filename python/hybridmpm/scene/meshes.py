@@ -1,66 +1,47 @@
 """Closed surfaces of triangles: faults, volume, and which points are inside."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.fields import Fault, Points
 
 Triangles = npt.NDArray[np.int64]
 """Indices (T, 3) of vertices."""
 
+MAX_TRIANGLES = 200_000
 _NAMED = 3
 """Number of open edges that a message names."""
 _MOST_CELLS = 1024
 """Most cells along an axis of the grid in which points are sorted."""
 _PAIRS_AT_ONCE = 2_000_000
 """Number of pairs of a triangle and a point that are tested at once, which bounds the memory."""
+_TRIED, _MOST_TRIED = 24, 4000
+"""Triangles of a part, and of all parts, whose two sides are looked at."""
+_RAYS = 256
+"""Rays along an axis across a surface that crosses itself."""
 
 
-_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
+def _edges(triangles: Triangles) -> tuple[Triangles, Triangles, npt.NDArray[np.bool_]]:
+    """Return edges (E, 2) of triangles (T, 3); for each side (3 T,) its edge, and whether it runs upwards."""
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends, edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    return ends, edge.ravel(), sides[:, 0] < sides[:, 1]
 
 
-def read(path: Path) -> tuple[Points, Triangles]:
-    """Return vertices (V, 3) and triangles (T, 3) of a file; each place has one vertex.
-
-    Raises
-    ------
-    ConfigError
-        trimesh is not installed, or the ending of the file is none of these.
-    DataError
-        The file cannot be read, or has no triangles.
-    """
-    try:
-        import trimesh  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ConfigError("reading a surface needs trimesh: pip install 'hybridmpm[shapes]'") from None
-    if path.suffix.lower() not in _SUFFIXES:
-        raise ConfigError(f"files of surfaces end in {', '.join(_SUFFIXES)}; got {path.name!r}")
-    try:
-        found = trimesh.load_mesh(path, process=False)
-        vertices = np.asarray(found.vertices, dtype=np.float64)
-        triangles = np.asarray(found.faces, dtype=np.int64).reshape(-1, 3)
-    except Exception as error:  # noqa: BLE001 - readers of damaged files raise whatever comes
-        raise DataError(f"{path} cannot be read as a surface: {error}") from None
-    if not len(triangles) or not np.isfinite(vertices).all():
-        raise DataError(f"{path} has no triangles with finite vertices")
-    places, index = np.unique(vertices[triangles.ravel()], axis=0, return_inverse=True)
-    corners = index.reshape(-1, 3)
-    # A triangle with two corners at one place has no area, and its other edges cancel.
-    flat = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
-    return places, corners[~flat]
+def open_edges(triangles: Triangles) -> int:
+    """Return the number of edges at which an odd number of triangles (T, 3) meet."""
+    ends, edge, _ = _edges(triangles)
+    return int((np.bincount(edge, minlength=len(ends)) % 2).sum())
 
 
 def faults(vertices: Points, triangles: Triangles) -> list[Fault]:
     """List why triangles (T, 3) of vertices (V, 3) enclose nothing: open edges come first."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    ends, side = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-    forward = np.bincount(side.ravel(), edges[:, 0] < edges[:, 1], len(ends))
-    uses = np.bincount(side.ravel(), minlength=len(ends))
+    ends, side, upwards = _edges(triangles)
+    forward = np.bincount(side, upwards, len(ends))
+    uses = np.bincount(side, minlength=len(ends))
     bad = np.flatnonzero(uses % 2 == 1)
     if len(bad):
         named = "; ".join(_edge(vertices, ends[edge]) for edge in bad[:_NAMED])
@@ -73,18 +54,111 @@ def faults(vertices: Points, triangles: Triangles) -> list[Fault]:
         return [(("triangles",), text)]
     if not abs(volume(vertices, triangles)) > 0:
         return [(("triangles",), "must enclose a volume")]
+    part, _ = _parts(triangles)
+    ways = _outwards(vertices, triangles, part)[part]
+    if ways.min() == -1 and ways.max() == 1:
+        # The outermost part has the lowest place.
+        lowest = vertices[triangles].min(axis=(1, 2)).argmin()
+        place = _place(vertices, triangles[ways == -ways[lowest]][0, 0])
+        text = "must turn outwards, in holes into the hole, but those of the part at "
+        return [(("triangles",), f"{text}{place} turn against the others; reverse their corners")]
     return []
 
 
 def _edge(vertices: Points, ends: npt.NDArray[np.int64]) -> str:
-    places = " to ".join("({:.4g}, {:.4g}, {:.4g})".format(*vertices[end]) for end in ends)
+    places = " to ".join(_place(vertices, end) for end in ends)
     return f"vertices {ends[0]} and {ends[1]}, {places} m"
+
+
+def _place(vertices: Points, vertex: np.int64) -> str:
+    return "({:.4g}, {:.4g}, {:.4g})".format(*vertices[vertex])
 
 
 def volume(vertices: Points, triangles: Triangles) -> float:
     """Return the volume inside [m^3] by the divergence theorem; below 0 where the surface is inside out."""
     a, b, c = (vertices[triangles[:, corner]] - vertices[0] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
+
+
+def inside(vertices: Points, triangles: Triangles) -> float:
+    """Return the volume inside [m^3] by the even-odd rule; to 0.1 % where the surface crosses itself."""
+    if crossing(vertices, triangles) is None:
+        return abs(volume(vertices, triangles))
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    axes = [low[axis] + (high - low)[axis] * (np.arange(_RAYS) + 0.5) / _RAYS for axis in range(2)]
+    rays = np.stack([*np.meshgrid(*axes, indexing="ij"), np.zeros((_RAYS, _RAYS))], axis=-1).reshape(-1, 3)
+    found = [
+        (ray, _height(corners, normal, rays[ray]))
+        for corners, normal, ray in _crossed(vertices, triangles, rays)
+    ]
+    ray, height = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.lexsort((height, ray))
+    # What closes crosses each ray an even number of times.
+    length = np.diff(height[order].reshape(-1, 2), axis=1).sum()
+    return float(length * np.prod((high - low)[:2]) / len(rays))
+
+
+def _height(corners: Points, normal: Points, rays: Points) -> Points:
+    """Return where planes of triangles are crossed by rays along z (K,) [m]."""
+    offset = rays[:, :2] - corners[:, 0, :2]
+    return np.asarray(corners[:, 0, 2] - (normal[:, :2] * offset).sum(axis=1) / normal[:, 2])
+
+
+def turned_out(vertices: Points, triangles: Triangles) -> Triangles:
+    """Return triangles (T, 3) of a closed surface, those turned that are seen clockwise from outside.
+
+    What is outside follows the even-odd rule, so that a part within another one bounds a hole. Parts that
+    have no two sides stay as they are.
+    """
+    part, turned = _parts(triangles)
+    found = np.where(turned[:, None], triangles[:, ::-1], triangles)
+    inwards = _outwards(vertices, found, part)[part] < 0
+    return np.where(inwards[:, None], found[:, ::-1], found)
+
+
+def _outwards(vertices: Points, triangles: Triangles, part: npt.NDArray[np.int64]) -> Points:
+    """Return for parts of a surface how much of them turns outwards (T,): from -1, all inwards, to 1."""
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    # The largest triangles of each part tell.
+    order = np.lexsort((-size, part))
+    first = np.searchsorted(part[order], part[order])
+    tried = np.clip(_MOST_TRIED // np.count_nonzero(np.bincount(part)), 1, _TRIED)
+    some = order[(np.arange(len(order)) - first < tried) & (size[order] > 0)]
+    step = normal[some] / size[some, None] * (1e-6 * np.ptp(vertices, axis=0).max())
+    middle = (a + b + c)[some] / 3
+    outer, inner = np.split(contains(vertices, triangles, np.concatenate([middle + step, middle - step])), 2)
+    counted = [np.bincount(part[some], size[some] * one, len(triangles)) for one in (1.0, outer, inner)]
+    return np.asarray((counted[2] - counted[1]) / np.maximum(counted[0], 1e-300))
+
+
+def _parts(triangles: Triangles) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Return for each triangle the first one of its part, and whether it is turned against that one (T,).
+
+    Triangles are of one part where edges join them that only two triangles have.
+    """
+    count = len(triangles)
+    _, edge, upwards = _edges(triangles)
+    order = np.argsort(edge, kind="stable")
+    start = np.flatnonzero(np.bincount(edge)[edge[order]] == 2)[::2]
+    one, other = order[start], order[start + 1]
+    # Node t is triangle t as it is, node t + count the same turned round.
+    against = np.where(upwards[one] == upwards[other], count, 0)
+    one, other = one % count, other % count
+    ends = np.stack(
+        [np.concatenate([one, one + count]), np.concatenate([other + against, other + count - against])]
+    )
+    label = np.arange(2 * count)
+    while True:
+        low, high = np.sort(label[ends], axis=0)
+        if (low == high).all():
+            break
+        np.minimum.at(label, high, low)
+        while not (label[label] == label).all():
+            label = label[label]
+    as_it_is, turned = label[:count], label[count:]
+    return np.minimum(as_it_is, turned) % count, turned < as_it_is
 
 
 def centroid(vertices: Points, triangles: Triangles) -> Points:
@@ -171,8 +245,7 @@ def raster(
     rays = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))], axis=-1).reshape(-1, 3)
     ends = np.zeros((len(rays), int(counts[2]) + 1), dtype=np.int64)
     for corners, normal, ray in _crossed(vertices, triangles, rays):
-        offset = rays[ray, :2] - corners[:, 0, :2]
-        height = corners[:, 0, 2] - (normal[:, :2] * offset).sum(axis=1) / normal[:, 2]
+        height = _height(corners, normal, rays[ray])
         # From the first centre above it on, everything changes sides.
         above = np.clip(np.ceil((height - lower[2]) / side - 0.5), 0, counts[2]).astype(np.int64)
         np.add.at(ends, (ray, above), 1)

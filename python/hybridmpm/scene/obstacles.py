@@ -147,7 +147,7 @@ class PolygonObstacle(PolygonShape, _Obstacle):
             A value is out of range.
         """
         fields = {"vertices": corners_around(outlines), "contact": contact}
-        return cls.model_validate(fields | {"friction": friction, "motion": motion})
+        return cls(**fields, friction=friction, motion=motion)
 
     @model_validator(mode="after")
     def _encloses(self) -> Self:
@@ -193,7 +193,7 @@ class MeshObstacle(MeshShape, _Obstacle):
             The surface is not closed, the message names open edges, or a value is out of range.
         """
         fields = mesh_of(path, center, height) | {"contact": contact}
-        return cls.model_validate(fields | {"friction": friction, "motion": motion})
+        return cls(**fields, friction=friction, motion=motion)
 
     def _at_rest(self) -> _core.Obstacle:
         return _solid(self.vertices, self.triangles, self.contact, self.friction)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, ConfigError, DataError, Mesh, MpmSolver, Scene, SceneError, check, export
+from hybridmpm import Ball, ConfigError, DataError, Mesh, MpmSolver, Polygon, Scene, SceneError, check, export
 from hybridmpm.recording import record
+from hybridmpm.scene import shape_in
 
 pytestmark = pytest.mark.needs("trimesh", "shapes")
 
@@ -68,6 +69,84 @@ def test_files_of_other_programs(suffix: str, tmp_path: Path) -> None:
         Mesh.read(path, CENTER, 0.3, material="sand")
 
 
+def _stl(corners: Any, count: int | None = None, behind: bytes = b"") -> bytes:
+    """Return a binary .stl of triangles (T, 3, 3) without normals."""
+    rows = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("note", "<u2")])
+    rows["corners"] = corners
+    number = np.uint32(len(corners) if count is None else count)
+    return bytes(80) + number.tobytes() + rows.tobytes() + behind
+
+
+def test_files_in_disorder_are_put_in_order(tmp_path: Path) -> None:
+    import trimesh
+
+    box = trimesh.creation.box((0.4, 0.2, 0.3))
+    corners = np.asarray(box.vertices)[np.asarray(box.faces)]
+    some = np.where(np.arange(12)[:, None, None] < 5, corners[:, ::-1], corners)
+    noise = np.random.default_rng(0).normal(0, 2e-7, corners.shape)
+    files = {
+        "count.stl": _stl(corners, 99),
+        "none.stl": _stl(corners, 0),
+        "behind.stl": _stl(corners, behind=b"made by hand"),
+        "turned.stl": _stl(some),
+        "inside out.stl": _stl(corners[:, ::-1]),
+        "twice.stl": _stl(np.concatenate([corners, corners])),
+        "both sides.stl": _stl(np.concatenate([corners, corners[:, ::-1]])),
+        "one twice.stl": _stl(np.concatenate([corners, corners[3:4]])),
+        "flat.stl": _stl(np.concatenate([corners, corners[:1, [0, 0, 1]]])),
+        "noise.stl": _stl(corners + noise),
+        "far.stl": _stl(1000 * corners + 1e6),
+        "tabs.obj": box.export(file_type="obj").replace(" ", "\t").encode(),
+        "notes.obj": b"  " + box.export(file_type="obj").replace("\n", " # note\r\n").encode(),
+    }
+    # A box within a box is a hole, whichever way round it turns; so are parts that lie apart.
+    nested = _stl(np.concatenate([corners, corners / 2]))
+    apart = _stl(np.concatenate([corners, corners[:, ::-1] + [0.5, 0, 0]]))
+    found = [*((name, data, 1.0) for name, data in files.items())]
+    for name, data, share in [*found, ("nested.stl", nested, 0.875), ("apart.stl", apart, 2.0)]:
+        (tmp_path / name).write_bytes(data)
+        body = Mesh.read(tmp_path / name, (1.0, 0.4, 0.5), 0.2, material="water")
+        assert body.measure == pytest.approx(0.024 * share, rel=1e-3), name
+        x = np.random.default_rng(1).uniform(*body.bounds, (4000, 3))
+        room = np.prod(np.subtract(*body.bounds[::-1]))
+        assert body.contains(x).mean() * room == pytest.approx(body.measure, rel=0.02), name
+    lost = corners.copy()
+    lost[7, 1, 2] = np.nan
+    for data, text in [
+        (_stl(lost), r"triangle 7 of 12 has a vertex at \(.*nan\); coordinates must be finite"),
+        (_stl(corners)[:400], "have 6 open edges"),
+        (b"", "has no triangles: it may be damaged"),
+    ]:
+        (tmp_path / "bad.stl").write_bytes(data)
+        with pytest.raises((DataError, SceneError), match=text):
+            Mesh.read(tmp_path / "bad.stl", (1.0, 0.4, 0.5), 0.2, material="water")
+    path = tmp_path / "far.stl"
+    for center, height, text in [
+        ((0.5, 0.5), 0.2, r"center must be 3 finite numbers \[m\], got \(0\.5, 0\.5\)"),
+        ((0.5, np.nan, 0.5), 0.2, "center must be 3 finite numbers"),
+        (
+            (0.5, 0.5, 0.5),
+            2.0,
+            r"reaches from \(-1\.5, -0\.5, -1\) to .* move its center, or make its height",
+        ),
+    ]:
+        with pytest.raises(ConfigError, match=text):
+            Mesh.read(path, center, height, material="water")
+
+
+def test_surfaces_that_cross_or_lie_in_each_other_have_the_mass_of_what_is_inside() -> None:
+    import trimesh
+
+    box = trimesh.creation.box((0.4, 0.2, 0.3))
+    other = box.copy().apply_translation((0.1, 0.05, 0.03))
+    crossed = _body(trimesh.util.concatenate([box, other]))
+    # By the even-odd rule the common part is empty.
+    assert crossed.measure == pytest.approx(2 * 0.024 - 2 * 0.3 * 0.15 * 0.27, rel=0.005)
+    inner = trimesh.creation.box((0.2, 0.1, 0.1))
+    with pytest.raises(SceneError, match=r"those of the part at \(.*\) turn against the others; reverse"):
+        _body(trimesh.util.concatenate([box, inner]))
+
+
 @pytest.mark.needs("pysplashsurf", "surfaces")
 def test_a_surface_of_a_simulation_becomes_a_body(tmp_path: Path) -> None:
     ball = Ball(material="water", center=CENTER, radius=0.1)
@@ -104,6 +183,102 @@ def test_surfaces_that_enclose_nothing_are_refused(tmp_path: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(ConfigError, match=r"pip install 'hybridmpm\[shapes\]'"):
         Mesh.read(tmp_path / "none.stl", CENTER, 0.1, material="water")
+
+
+@pytest.mark.needs("svgpathtools", "shapes")
+def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
+    bar = '<rect width="40" height="20"/>'
+    frame = '<rect width="400" height="400" {}/>' + bar
+    round_bar = (800 - (4 - np.pi) * 25) / 1e4
+    parts: dict[str, float] = {
+        f'<g transform="translate(9 3) scale(2,1) rotate(90)">{bar}</g>': 0.2 * 0.2 * 40 / 40,
+        '<rect width="40mm" height="2cm"/>': 0.08,
+        '<rect style="width:40px;height:20"/>': 0.08,
+        '<rect width="40" height="20" rx="5"/>': round_bar,
+        '<rect width="40" height="20" rx="90"/>': np.pi * 0.02,
+        frame.format('display="none"'): 0.08,
+        frame.format('style="display: none !important"'): 0.08,
+        frame.format('visibility="hidden"'): 0.08,
+        frame.format('fill="none"'): 0.08,
+        f'<g fill="none" stroke="red">{bar}</g>': 0.08,
+        f'<rect width="0" height="400"/>{bar}': 0.08,
+        '<defs><circle id="c" r="10"/></defs><use href="#c"/><use href="#c" x="20"/>': 2 * np.pi * 0.01,
+        f'<symbol id="s" viewBox="0 0 40 20">{bar}</symbol><use href="#s" width="8" height="9"/>': 0.08,
+        f'<a href="x"><switch>{bar}<circle r="90"/></switch></a>': 0.08,
+        f'<svg x="5" viewBox="0 0 40 20" width="80" height="20" preserveAspectRatio="none">{bar}</svg>': 0.16,
+        f"<text>no path</text>{bar}": 0.08,
+    }
+    path = tmp_path / "drawing.svg"
+    for part, area in parts.items():
+        path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{part}</svg>')
+        body = Polygon(material="water", **_fields(path))
+        assert body.measure == pytest.approx(area, rel=0.005), part
+    for text, coding in [
+        (f"<svg>{bar}</svg>", "utf-8"),
+        (f'<?xml version="1.0"?><svg>{bar}</svg>', "utf-16"),
+    ]:
+        path.write_bytes(text.encode(coding))
+        assert Polygon(material="water", **_fields(path)).measure == pytest.approx(0.08)
+    loop = '<g id="a"><use href="#a"/></g>'
+    circles = "".join(f'<circle cx="{3 * (i % 20)}" cy="{3 * (i // 20)}" r="1"/>' for i in range(120))
+    for part, fault in [
+        ("<text>wave</text>", "encloses nothing; there must be a path, .* make paths of texts"),
+        (
+            '<rect width="40%" height="20"/>',
+            "width must be a number, with or without one of px, .* got '40%'",
+        ),
+        ('<use href="#none"/>', "it uses '#none', which is not in the file"),
+        ('<rect width="4" height="2" style="transform: rotate(9deg)"/>', "transform stands in a style"),
+        (loop, "more than 100000 parts, or 50 within each other"),
+        (bar + bar, "enclose no area, as where each is there twice"),
+        (circles, "too many details: .* in 120 lines.* leave details out"),
+    ]:
+        path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{part}</svg>')
+        with pytest.raises(DataError, match=fault):
+            shape_in(path, (0.5, 0.5), 0.2)
+    path.write_bytes('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>'.encode("utf-16"))
+    with pytest.raises(DataError, match="entities of their own are not read; save it as plain SVG"):
+        shape_in(path, (0.5, 0.5), 0.2)
+
+
+@pytest.mark.needs("contourpy", "shapes")
+def test_pictures_of_all_kinds_show_the_same_shape(tmp_path: Path) -> None:
+    from PIL import Image, ImageDraw
+
+    def bar(mode: str, ground: Any, ink: Any) -> Any:
+        picture = Image.new(mode, (80, 80), ground)
+        ImageDraw.Draw(picture).rectangle((20, 30, 59, 49), fill=ink)
+        return picture
+
+    grey = np.full((80, 80), 40_000, dtype=np.uint16)
+    grey[30:50, 20:60] = 1000
+    clear = (0, 0, 0, 0)
+    pictures = [
+        bar("L", 255, 0),
+        bar("1", 1, 0),
+        bar("LA", (255, 255), (0, 255)),
+        bar("RGBA", clear, (10, 20, 30, 255)),
+        bar("RGBA", clear, (255, 255, 255, 255)),  # a white logo
+        bar("RGBA", clear, (0, 0, 0, 255)).quantize(),
+        Image.fromarray(grey),
+    ]
+    for number, picture in enumerate(pictures):
+        picture.save(tmp_path / "bar.png")
+        body = Polygon(material="water", **_fields(tmp_path / "bar.png"))
+        assert body.measure == pytest.approx(0.08, rel=0.005), number
+    for picture in (Image.new("L", (9, 9), 0), Image.new("RGBA", (9, 9), clear)):
+        picture.save(tmp_path / "plain.png")
+        with pytest.raises(
+            DataError, match="equally dark; a shape needs dark parts on a light or transparent"
+        ):
+            shape_in(tmp_path / "plain.png", (0.5, 0.5), 0.2)
+    Image.new("1", (2001, 2000)).save(tmp_path / "large.png")
+    with pytest.raises(DataError, match=r"large\.png has 4002000 pixels, at most 4000000 are allowed; make"):
+        shape_in(tmp_path / "large.png", (0.5, 0.5), 0.2)
+
+
+def _fields(path: Path) -> dict[str, Any]:
+    return {"vertices": shape_in(path, (0.5, 0.5), 0.2)["vertices"]}
 
 
 def test_scene_files_name_files_of_shapes(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from hybridmpm._support.arguments import unmasked
 from hybridmpm.errors import SketchError
 from hybridmpm.scene import meshes
-from hybridmpm.scene.facets import MAX_TRIANGLES, mesh_of
+from hybridmpm.scene.facets import mesh_of
 from hybridmpm.scene.fields import LONGEST
 
 Floats: TypeAlias = npt.NDArray[np.float64]
@@ -96,7 +96,7 @@ class Solid:
         SketchError
             The surface is not closed, or reaches out of [0, 4096] m.
         """
-        return cls(**mesh_of(path, center, height))  # type: ignore[arg-type]  # lists become arrays
+        return cls(**mesh_of(path, center, height))
 
     def __repr__(self) -> str:
         return f"Solid({len(self.triangles)} triangles around {self.volume:.3g} m^3)"
@@ -195,8 +195,8 @@ def _checked(name: str, values: Any, kind: type, what: str) -> npt.NDArray[Any]:
         array: npt.NDArray[Any] = np.array(values).astype(kind, casting="same_kind")
     except (TypeError, ValueError) as error:
         raise SketchError(f"{name} must be {what}: {error}") from error
-    if array.ndim != 2 or array.shape[1] != 3 or not 4 <= len(array) <= MAX_TRIANGLES:
-        raise SketchError(f"{name} must have 4 to {MAX_TRIANGLES} rows of 3 {what}, got {array.shape}")
+    if array.ndim != 2 or array.shape[1] != 3 or not 4 <= len(array) <= meshes.MAX_TRIANGLES:
+        raise SketchError(f"{name} must have 4 to {meshes.MAX_TRIANGLES} rows of 3 {what}, got {array.shape}")
     array.flags.writeable = False
     return array
 

@@ -11,7 +11,8 @@ from hybridmpm.control.sketch.picture import decode
 from hybridmpm.control.sketch.sketch import MAX_OUTLINES, RASTER_SIZE, Floats, Shape
 from hybridmpm.errors import DataError, SketchError
 from hybridmpm.scene.fields import LONGEST
-from hybridmpm.scene.files import dark_lines, grey_of, path_lines, placed
+from hybridmpm.scene.files import dark_lines, grey_of, placed
+from hybridmpm.scene.svg import path_lines
 
 _FONT_PIXELS = 240
 """Height of the letters that are traced [pixels]."""
