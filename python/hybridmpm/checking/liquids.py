@@ -23,6 +23,9 @@ does not rebound: it keeps 2 % of its speed at 0.4, 18 % at 0.85 and half at 2.5
 ELASTIC_YIELD = 0.1
 """Yield stress over that of a blow, rho c v [-], from which on it rebounds: at 0.08 with 6 % of its speed."""
 
+_DEAR = 100.0
+"""Factor on the bulk modulus from which on a lower viscosity is advised."""
+
 
 def of_liquids(scene: Scene, resolution: int) -> Iterator[Finding]:
     """Yield the findings about the liquids of a scene; `resolution` is that of the simulator's grid."""
@@ -67,13 +70,21 @@ def _elastic(scene: Scene, liquid: Liquid) -> Iterator[Finding]:
     if max(of_viscosity, of_yield) > 1:
         much = max(of_viscosity, of_yield) ** 2
         cause = "its viscosity" if of_viscosity >= of_yield else "its yield stress"
+        bearable = (
+            f"{liquid.viscosity / of_viscosity:.2g} Pa s"
+            if of_viscosity >= of_yield
+            else f"{liquid.yield_stress / of_yield:.2g} Pa"
+        )
+        stiffer = (
+            f"give it {much:.2g} times the bulk_modulus, {2 * much * modulus:.2g} Pa, which takes "
+            f"{math.sqrt(much):.2g} times the substeps"
+        )
         yield Finding(
             severity="warning",
             field=scene.made_of(liquid),
             problem=f"{cause} is so high that it rebounds from a blow as an elastic solid of shear modulus "
             f"{modulus:.2g} Pa",
-            advice=f"give it {much:.2g} times the bulk_modulus, {2 * much * modulus:.2g} Pa, which takes "
-            f"{math.sqrt(much):.2g} times the substeps, or bear with it",
+            advice=f"{stiffer if much <= _DEAR else f'lower it to {bearable}'}, or bear with it",
         )
 
 

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from hybridmpm._support.arguments import float64, real
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import meshes, surface_files
-from hybridmpm.scene.fields import LONGEST, Point, Points, raise_faults
+from hybridmpm.scene.fields import LONGEST, Point, Points, raise_faults, unequal_faults
 from hybridmpm.scene.shapes import Shaped
 
 MOST_CORNERS = 1000
@@ -38,6 +38,14 @@ class PolygonShape(Shaped):
     vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=MOST_CORNERS)] = Field(
         description="Corners of the polygon in order [m]; an edge joins the last to the first."
     )
+
+    @model_validator(mode="after")
+    def _encloses(self) -> Self:
+        raise_faults("Polygon", unequal_faults("vertices", self.vertices))
+        # Polygons for 3D are refused where the dimension is known.
+        if len(self.vertices[0]) == 2 and not self.measure > 1e-12 * np.prod(np.ptp(self.vertices, axis=0)):
+            raise_faults("Polygon", [(("vertices",), "must enclose an area")])
+        return self
 
     @property
     def bounds(self) -> tuple[Points, Points]:

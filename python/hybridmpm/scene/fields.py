@@ -107,6 +107,11 @@ Fault = tuple[tuple[str | int, ...], str]
 """Location of a fault, as pydantic writes locations, and what is wrong at that location."""
 
 
+def is_vector(turn: object) -> bool:
+    """Whether a turn is given as a vector, as in 3D, and not as a number."""
+    return isinstance(turn, list | tuple) or np.ndim(turn) == 1  # type: ignore[arg-type]  # anything may come
+
+
 def raise_faults(title: str, faults: list[Fault]) -> None:
     """Raise all `faults` at once, each at its own location, from within a validator of the model `title`.
 
@@ -162,7 +167,7 @@ def _looks_other(given: object) -> str:
     return f"{shown}: text that looks so must stand in quotes"
 
 
-def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a kind of fault
+def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911, PLR0912 - one return a kind of fault
     context, given = fault.get("ctx", {}), fault.get("input")
     if isinstance(given, dict) and len(given) == 1 and given.keys() <= RANGES:
         return f"is a range, {given}: data.SceneTemplate.load(file).draw(seed) draws a scene of it"
@@ -178,6 +183,15 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a 
             return "is required"
         case "model_type":
             return f"{context['class_name']} must be an object with named fields"
+        case "model_attributes_type" | "dict_type":
+            return f"must be an object with named fields, got {given!r}"[:200]
+        case "tuple_type":
+            return f"must be a list, got {given!r}"[:200]
+        case "union_tag_not_found" if isinstance(given, dict) and "file" in given:
+            text = (
+                "files are of bodies and obstacles alone, and Scene.load reads them beside the scene's file"
+            )
+            return f"must name its {context['discriminator']}: {text}"
         case "union_tag_not_found":
             return f"must name its {context['discriminator']}"
         case "union_tag_invalid":
@@ -208,8 +222,17 @@ def _path(location: tuple[str | int, ...]) -> str:
             may_be_tag = False
         else:
             path += f".{part}" if path else part
-            may_be_tag = part in {"material", "angular_velocity"}
+            may_be_tag = part in {"material", "rotation", "angular_velocity"}
     return path
+
+
+def unequal_faults(name: str, points: tuple[tuple[float, ...], ...]) -> list[Fault]:
+    """List the points of a shape that have not as many numbers as the first one."""
+    return [
+        ((name, index), f"must have as many numbers as {name}[0], {len(points[0])}, got {len(point)}")
+        for index, point in enumerate(points)
+        if len(point) != len(points[0])
+    ]
 
 
 def corner_faults(lower: tuple[float, ...], upper: tuple[float, ...]) -> list[Fault]:

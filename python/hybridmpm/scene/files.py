@@ -87,6 +87,9 @@ def resolved(data: Any, folder: Path) -> Any:
             if not isinstance(part, dict) or "file" not in part:
                 continue
             where = f"{group}[{index}]"
+            if not isinstance(part["file"], str) or not part["file"]:
+                faults.append((f"{where}.file", f"must be the path of a file, got {part['file']!r}"))
+                continue
             missing = sorted(_PLACED - part.keys())
             if missing:
                 faults.append((f"{where}.{missing[0]}", "is required beside file, in metres"))

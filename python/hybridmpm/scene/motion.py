@@ -5,12 +5,12 @@ from typing import Annotated, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from hybridmpm import _core
-from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, raise_faults
+from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, is_vector, raise_faults
 
 _TurnRate = Annotated[float, Range(-1000, 1000, "rad/s")]
 AngularVelocity = Annotated[
     Annotated[_TurnRate, Tag("number")] | Annotated[tuple[_TurnRate, _TurnRate, _TurnRate], Tag("vector")],
-    Discriminator(lambda value: "vector" if isinstance(value, list | tuple) else "number"),
+    Discriminator(lambda value: "vector" if is_vector(value) else "number"),
 ]
 
 

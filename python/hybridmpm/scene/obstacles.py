@@ -149,12 +149,6 @@ class PolygonObstacle(PolygonShape, _Obstacle):
         fields = {"vertices": corners_around(outlines), "contact": contact}
         return cls(**fields, friction=friction, motion=motion)
 
-    @model_validator(mode="after")
-    def _encloses(self) -> Self:
-        if not self.measure > 0:
-            raise_faults("PolygonObstacle", [(("vertices",), "must enclose an area")])
-        return self
-
     def _at_rest(self) -> _core.Obstacle:
         corners = np.array(self.vertices, dtype=np.float32)
         return _core.Obstacle.polygon(corners, contact=self.contact, friction=self.friction)

@@ -8,7 +8,16 @@ import numpy.typing as npt
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from hybridmpm import _core
-from hybridmpm.scene.fields import Fault, Point, Points, Range, Velocity, raise_faults
+from hybridmpm.scene.fields import (
+    Fault,
+    Point,
+    Points,
+    Range,
+    Velocity,
+    is_vector,
+    raise_faults,
+    unequal_faults,
+)
 from hybridmpm.scene.materials import Density, Friction
 from hybridmpm.scene.motion import AngularVelocity
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
@@ -19,7 +28,7 @@ _MOST_CORNERS = 1000
 _Angle = Annotated[float, Range(-100, 100, "rad")]
 _Rotation = Annotated[
     Annotated[_Angle, Tag("number")] | Annotated[tuple[_Angle, _Angle, _Angle], Tag("vector")],
-    Discriminator(lambda value: "vector" if isinstance(value, list | tuple) else "number"),
+    Discriminator(lambda value: "vector" if is_vector(value) else "number"),
 ]
 
 
@@ -396,6 +405,7 @@ class RigidHull(Rigid):
 
     @model_validator(mode="after")
     def _encloses(self) -> Self:
+        raise_faults("RigidHull", unequal_faults("points", self.points))
         arms = np.array(self.points) - np.mean(np.array(self.points), axis=0)
         spread = np.linalg.svd(arms, compute_uv=False)
         if len(spread) < arms.shape[1] or spread[-1] < 1e-6 * spread[0]:

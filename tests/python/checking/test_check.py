@@ -98,6 +98,14 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
             "note", "bodies[0]", ["substeps a frame"],
         ),
         (
+            {"bodies": [BLOCK | {"material": {"kind": "liquid", "viscosity": 2000}}]},
+            "warning", "bodies[0]", ["as an elastic solid", "give it 18 times the bulk_modulus"],
+        ),
+        (
+            {"bodies": [BLOCK | {"material": {"kind": "liquid", "viscosity": 1e9}}]},
+            "warning", "bodies[0]", ["as an elastic solid", "lower it to 4.7e+02 Pa s, or bear with it"],
+        ),
+        (
             {"emitters": [SPOUT], "frames": 800},
             "note", "emitters", ["from 655 to up to 7311", "11 times as long"],
         ),

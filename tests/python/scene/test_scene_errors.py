@@ -44,7 +44,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ("frame_dt", NAN, "frame_dt: must be in (0, 0.1] s, got nan"),
         ("gravity", [0, INFINITY], "gravity[1]: must be in [-1000, 1000] m/s^2, got inf"),
         ("gravity", [0, 0, -9.81], "gravity: must have dim = 2 numbers, got 3"),
-        ("gravity", 9.81, "gravity: Input should be a valid tuple"),
+        ("gravity", 9.81, "gravity: must be a list, got 9.81"),
         ("gravity", [True, 0], "gravity[0]: must be a number, got true"),
         ("max_particles", 100, "bodies: need about 3932 particles, allowed are [1, 100] (max_particles)"),
         ("walls", {"lower": [0.1, 0.1]}, "walls.upper: is required"),
@@ -99,6 +99,24 @@ def changed(path: str, value: object) -> dict[str, Any]:
             "obstacles.0",
             {"shape": "half_space", "point": [0.5, 0.5], "normal": [0, 0]},
             "obstacles[0].normal: must be at least 1e-6 long",
+        ),
+        ("rigid", {}, "rigid: must be a list, got {}"),
+        ("rigid", ["box"], "rigid[0]: must be an object with named fields, got 'box'"),
+        ("rigid", [{"file": "a.svg"}], "rigid[0]: must name its 'shape': files are of bodies and obstacles"),
+        (
+            "rigid",
+            [{"shape": "hull", "points": [[0.5, 0.5], [0.6, 0.5, 0.4], [0.6, 0.6]]}],
+            "rigid[0].points[1]: must have as many numbers as points[0], 2, got 3",
+        ),
+        (
+            "bodies.0",
+            {"shape": "polygon", "material": "sand", "vertices": [[0.2, 0.2], [0.6, 0.6], [0.3, 0.3]]},
+            "bodies[0].vertices: must enclose an area",
+        ),
+        (
+            "rigid",
+            [{"shape": "ball", "center": [0.5, 0.5], "radius": 0.1, "rotation": 1e9}],
+            "rigid[0].rotation: must be in [-100, 100] rad, got 1e+09",
         ),
     ],
 )
