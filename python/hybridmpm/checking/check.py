@@ -13,7 +13,7 @@ from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
 from hybridmpm.checking.speed import of_speed
 from hybridmpm.coarse import coarse_warnings
-from hybridmpm.errors import ConfigError, FrameCancelledError, SimulationError
+from hybridmpm.errors import ConfigError, FrameCancelledError, SceneError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -73,8 +73,9 @@ def check(scene: Scene | Simulator, solver: Simulator | None = None) -> SceneChe
     except FrameCancelledError:
         raise
     except (ConfigError, SimulationError) as error:
-        text = str(error)
-        found.append(Finding(severity="error", field="", problem=text, advice=""))
+        faults = error.problems if isinstance(error, SceneError) else []
+        for field, text in faults or [("", str(error))]:
+            found.append(Finding(severity="error", field=field, problem=text, advice=""))
     unstable = _unstable(scene, simulator, tried)
     if unstable is not None:
         found.append(unstable)

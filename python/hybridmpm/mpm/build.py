@@ -1,6 +1,7 @@
 """The compiled solver, upsampler and emitters of a scene."""
 
 import math
+import re
 
 import numpy as np
 
@@ -29,42 +30,58 @@ def native_solver(
     level: CoarseLevel,
     threads: int,
 ) -> _core.Solver:
-    """Return the solver of a scene's particles, as merged for a coarse level; settings as in `MpmSolver`."""
+    """Return the solver of a scene's particles, as merged for a coarse level; settings as in `MpmSolver`.
+
+    Raises
+    ------
+    SceneError
+        Rigid bodies overlap each other or something else.
+    ConfigError
+        A setting is not allowed.
+    """
     materials = [
         material.softened(factor, scene.potential_drop) if factor < 1 else material
         for material, factor in zip(scene.materials, level.moduli, strict=True)
     ]
-    return _core.Solver(
-        resolution=level.resolution,
-        cells=cells_of(scene.size, level.resolution),
-        frame_dt=scene.frame_dt,
-        gravity=scene.gravity,
-        wall_lower=scene.walls.lower,
-        wall_upper=scene.walls.upper,
-        wall_contact=[contact for contact, _ in scene.walls.surfaces],
-        wall_friction=[friction for _, friction in scene.walls.surfaces],
-        materials=[material.to_native(scene.potential_drop) for material in materials],
-        obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
-        rigid=[body.to_native() for body in scene.rigid],
-        emitters=native_emitters(scene, level.r_p),
-        sinks=[sink.to_native() for sink in scene.sinks],
-        # The limit of the scene's own particles, in particles of this size.
-        max_particles=max(math.ceil(level.r_p * scene.max_particles), len(particles.x)),
-        x=particles.x,
-        v=particles.v,
-        material=particles.material,
-        mass=particles.mass,
-        volume=particles.volume,
-        body=particles.body.astype(np.uint32),
-        contact_friction=scene.contact_friction,
-        transfer_loss=scene.transfer_loss,
-        substeps=substeps,
-        cfl=cfl,
-        sleep_speed=None if sleep is None else sleep.speed,
-        sleep_frames=1 if sleep is None else sleep.frames,
-        allow_unstable=allow_unstable,
-        threads=threads,
-    )
+    try:
+        return _core.Solver(
+            resolution=level.resolution,
+            cells=cells_of(scene.size, level.resolution),
+            frame_dt=scene.frame_dt,
+            gravity=scene.gravity,
+            wall_lower=scene.walls.lower,
+            wall_upper=scene.walls.upper,
+            wall_contact=[contact for contact, _ in scene.walls.surfaces],
+            wall_friction=[friction for _, friction in scene.walls.surfaces],
+            materials=[material.to_native(scene.potential_drop) for material in materials],
+            obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
+            rigid=[body.to_native() for body in scene.rigid],
+            emitters=native_emitters(scene, level.r_p),
+            sinks=[sink.to_native() for sink in scene.sinks],
+            # The limit of the scene's own particles, in particles of this size.
+            max_particles=max(math.ceil(level.r_p * scene.max_particles), len(particles.x)),
+            x=particles.x,
+            v=particles.v,
+            material=particles.material,
+            mass=particles.mass,
+            volume=particles.volume,
+            body=particles.body.astype(np.uint32),
+            contact_friction=scene.contact_friction,
+            transfer_loss=scene.transfer_loss,
+            substeps=substeps,
+            cfl=cfl,
+            sleep_speed=None if sleep is None else sleep.speed,
+            sleep_frames=1 if sleep is None else sleep.frames,
+            allow_unstable=allow_unstable,
+            threads=threads,
+        )
+    except ConfigError as error:
+        found = re.fullmatch(r"overlap of (\S+) and (.+) must be (.+), got (\S+)", str(error))
+        if found is None:
+            raise
+        one, other, allowed, share = found.groups()
+        text = f"overlaps {other}: their overlap must be {allowed}, got {float(share):.2g}; move one of them"
+        raise SceneError.of([(one, text)]) from None
 
 
 def upsampler_of(

@@ -341,10 +341,13 @@ def test_faults_of_bodies_are_named(body: dict[str, Any], text: str) -> None:
 
 def test_bodies_that_overlap_are_refused() -> None:
     pair = [_box(0.5, 0.6, 0.1, 0.1), _box(0.56, 0.6, 0.1, 0.1)]
-    with pytest.raises(ConfigError, match=r"overlap of rigid\[0\] and rigid\[1\]"):
+    with pytest.raises(
+        SceneError, match=r"rigid\[0\]: overlaps rigid\[1\]: .* at most 0\.01 .*; move one of"
+    ):
         MpmSolver(_pool(*pair))
+    assert "rigid[0]" in [one.field for one in check(_pool(*pair)).findings if one.severity == "error"]
     obstacle = BoxObstacle(lower=(0.5, 0.5), upper=(0.6, 0.7))
-    with pytest.raises(ConfigError, match=r"overlap of rigid\[0\] and obstacles\[0\]"):
+    with pytest.raises(SceneError, match=r"rigid\[0\]: overlaps obstacles\[0\]"):
         MpmSolver(_pool(pair[0], obstacles=[obstacle]))
 
 
