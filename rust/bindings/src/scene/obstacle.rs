@@ -238,7 +238,7 @@ impl PyObstacle {
         let prepared = within.map(|reach| self.prepared(reach));
         let solid = prepared.as_ref().unwrap_or(&self.inner);
         let distances: Vec<f32> = with_placed!(solid, time, placed => {
-            points.map(|x| placed.distance(&Vector::from_column_slice(x))).collect()
+            placed.distances(points.map(Vector::from_column_slice))
         });
         Ok(distances.into_pyarray(py))
     }

@@ -206,6 +206,25 @@ impl<const D: usize> Placed<'_, D> {
         self.obstacle.distance_in(self.pose.as_ref(), x).0
     }
 
+    /// The same for points one after the other; of many facets it is quicker where neighbours follow each other.
+    pub fn distances(&self, points: impl Iterator<Item = Vector<D>>) -> Vec<f32> {
+        let Shape::Surface(surface) = &self.obstacle.shape else {
+            return points.map(|x| self.distance(&x)).collect();
+        };
+        let mut before: Option<(Vector<D>, f32)> = None;
+        let at_start = points.map(|x| self.pose.map_or(x, |pose| pose.at_start(&x)));
+        let below = at_start.map(|x| {
+            // A distance changes by at most the way from point to point.
+            let farthest = before.map_or(f32::INFINITY, |(other, distance)| {
+                distance.abs() + (x - other).norm()
+            });
+            let distance = surface.distance_below(&x, farthest).0;
+            before = Some((x, distance));
+            distance
+        });
+        below.collect()
+    }
+
     /// Position of the point of the solid that is at `x` at time 0.
     pub fn moved(&self, x: &Vector<D>) -> Vector<D> {
         self.pose.map_or(*x, |pose| pose.apply(x))

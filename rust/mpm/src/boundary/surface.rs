@@ -198,9 +198,14 @@ impl<const D: usize> Surface<D> {
     ///
     /// Of a prepared surface far from it, a bound that is nearer to zero.
     pub fn distance(&self, x: &Vector<D>) -> (f32, Vector<D>) {
+        self.distance_below(x, f32::INFINITY)
+    }
+
+    /// The same, given a bound on its absolute value [m], by which the facets are found sooner.
+    pub(super) fn distance_below(&self, x: &Vector<D>, farthest: f32) -> (f32, Vector<D>) {
         let known = |lattice: &Arc<Lattice<D>>| lattice.distance(x);
         match self.lattice.as_ref().map(known) {
-            None => self.exact(x, f32::INFINITY),
+            None => self.exact(x, farthest),
             Some(Ok(found)) => found,
             Some(Err(bound)) => self.exact(x, bound),
         }
