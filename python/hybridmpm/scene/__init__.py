@@ -2,6 +2,7 @@
 
 from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Mesh, Polygon
+from hybridmpm.scene.facets import Triangles, Vertices
 from hybridmpm.scene.files import shape_in
 from hybridmpm.scene.materials import LIQUIDS, Elastic, Fluid, Liquid, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
@@ -66,6 +67,8 @@ __all__ = [
     "Scene",
     "SegmentObstacle",
     "Sink",
+    "Triangles",
+    "Vertices",
     "Wall",
     "WallFaces",
     "Walls",

@@ -15,7 +15,8 @@ from pydantic import Field, model_validator
 from hybridmpm._support.arguments import float64, real
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import meshes, surface_files
-from hybridmpm.scene.fields import LONGEST, Point, Points, raise_faults, unequal_faults
+from hybridmpm.scene.fields import LONGEST, Coordinate, Point, Points, raise_faults, unequal_faults
+from hybridmpm.scene.rows import Rows, Table
 from hybridmpm.scene.shapes import Shaped
 
 MOST_CORNERS = 1000
@@ -100,43 +101,45 @@ class PolygonShape(Shaped):
         return inside
 
 
+Vertices = Annotated[Rows, Table(Coordinate, "<f8", most=meshes.MAX_TRIANGLES, high=LONGEST)]
+"""Corners (V, 3) of a surface [m]."""
+Triangles = Annotated[Rows, Table(int, "<u4", most=meshes.MAX_TRIANGLES, high=meshes.MAX_TRIANGLES)]
+"""Indices (T, 3) of its corners."""
+
+
 class MeshShape(Shaped):
     """What a closed surface of triangles encloses, 3D only. The surface must not cross itself."""
 
     shape: Literal["mesh"] = "mesh"
-    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=meshes.MAX_TRIANGLES)] = Field(
-        description="Corners of the triangles, 3 coordinates each [m]."
+    vertices: Vertices = Field(description="Corners of the triangles, 3 coordinates each [m].")
+    triangles: Triangles = Field(
+        description="Indices of three vertices each, all of them the same way round."
     )
-    triangles: Annotated[
-        tuple[Annotated[tuple[int, ...], Field(min_length=3, max_length=3)], ...],
-        Field(min_length=4, max_length=meshes.MAX_TRIANGLES),
-    ] = Field(description="Indices of three vertices each, all of them the same way round.")
 
     @model_validator(mode="after")
     def _encloses(self) -> Self:
-        flat = [index for index, vertex in enumerate(self.vertices) if len(vertex) != 3]
-        if flat:
-            raise_faults("Mesh", [(("vertices", flat[0]), "must have 3 numbers; a mesh is for dim 3 only")])
         highest = len(self.vertices) - 1
-        for number, corners in enumerate(self.triangles):
-            if min(corners) < 0 or max(corners) > highest:
-                text = f"must be indices in [0, {highest}], got {list(corners)}"
-                raise_faults("Mesh", [(("triangles", number), text)])
+        indices = np.asarray(self.triangles)
+        wrong = np.flatnonzero(((indices < 0) | (indices > highest)).any(axis=1))
+        if len(wrong):
+            number = int(wrong[0])
+            text = f"must be indices in [0, {highest}], got {list(self.triangles[number])}"
+            raise_faults("Mesh", [(("triangles", number), text)])
         raise_faults("Mesh", meshes.faults(*self._arrays()))
         return self
 
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Return vectors besides the vertices, which have three numbers in any case."""
-        return {name: value for name, value in super().vector_fields().items() if "[" not in name}
-
     def _arrays(self) -> tuple[Points, meshes.Triangles]:
-        return np.array(self.vertices), np.array(self.triangles)
+        return np.asarray(self.vertices), np.asarray(self.triangles)
 
     @property
     def bounds(self) -> tuple[Points, Points]:
         """Lower and upper corner of the bounding box [m]."""
-        corners = np.array(self.vertices)
+        corners = np.asarray(self.vertices)
         return corners.min(axis=0), corners.max(axis=0)
+
+    def coarser(self, most: int) -> tuple[Points, meshes.Triangles]:
+        """Return vertices (V, 3) and at most so many triangles (T, 3) of a surface that looks alike."""
+        return meshes.coarser(*self._arrays(), most)
 
     @property
     def crossing(self) -> list[float] | None:
@@ -193,7 +196,7 @@ def mesh_of(path: str | Path, center: Sequence[float], height: float) -> dict[st
         raise DataError(f"{path}: the surface has no height, along y")
     (found,) = fitted([vertices], middle, real("height", height, 1e-6, LONGEST))
     within_worlds(found)
-    return {"vertices": found.tolist(), "triangles": triangles.tolist()}
+    return {"vertices": Rows(found), "triangles": Rows(triangles)}
 
 
 def middle_of(center: npt.ArrayLike, dim: int) -> Points:

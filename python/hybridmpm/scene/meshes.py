@@ -27,8 +27,11 @@ _RAYS = 256
 def _edges(triangles: Triangles) -> tuple[Triangles, Triangles, npt.NDArray[np.bool_]]:
     """Return edges (E, 2) of triangles (T, 3); for each side (3 T,) its edge, and whether it runs upwards."""
     sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    ends, edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-    return ends, edge.ravel(), sides[:, 0] < sides[:, 1]
+    # One number for both ends, since rows are sorted ten times as slowly.
+    count = int(triangles.max()) + 1
+    number, edge = np.unique(np.sort(sides, axis=1) @ [count, 1], return_inverse=True)
+    ends = np.stack([number // count, number % count], axis=-1)
+    return ends, edge, sides[:, 0] < sides[:, 1]
 
 
 def open_edges(triangles: Triangles) -> int:
@@ -197,6 +200,25 @@ def outlines(vertices: Points, triangles: Triangles) -> list[Points]:
                 line.append(after)
             lines.append(vertices[line, :2])
     return lines
+
+
+def coarser(vertices: Points, triangles: Triangles, most: int) -> tuple[Points, Triangles]:
+    """Return a surface of at most so many triangles that looks alike: vertices in one cell become one.
+
+    It may cross itself, and is for pictures alone. One of few triangles is returned as it is.
+    """
+    lower, cells = vertices.min(axis=0), 64
+    kept, corners = vertices, triangles
+    while len(corners) > most:
+        side = np.ptp(vertices, axis=0).max() / cells
+        number = ((vertices - lower) / side).astype(np.int64) @ (cells + 1) ** np.arange(3)
+        _, cell = np.unique(number, return_inverse=True)
+        kept = np.stack([np.bincount(cell, x) for x in vertices.T], axis=-1) / np.bincount(cell)[:, None]
+        corners = cell[triangles]
+        corners = corners[(corners != np.roll(corners, 1, axis=1)).all(axis=1)]
+        number = np.sort(corners, axis=1) @ len(kept) ** np.arange(3)
+        corners, cells = corners[np.sort(np.unique(number, return_index=True)[1])], cells * 3 // 4
+    return kept, corners
 
 
 def area(vertices: Points, triangles: Triangles) -> float:

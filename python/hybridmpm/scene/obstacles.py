@@ -15,6 +15,7 @@ from hybridmpm.scene.facets import MeshShape, PolygonShape, corners_around, mesh
 from hybridmpm.scene.fields import Direction, Length, Point, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.motion import Motion
+from hybridmpm.scene.rows import Rows
 from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Segment, Shaped
 
 Contact = Literal["sticky", "slip", "separating"]
@@ -195,13 +196,13 @@ class MeshObstacle(MeshShape, _Obstacle):
 
 @lru_cache(maxsize=16)
 def _solid(
-    vertices: tuple[Point, ...],
-    triangles: tuple[tuple[int, ...], ...],
+    vertices: Rows,
+    triangles: Rows,
     contact: Contact,
     friction: float | None,
 ) -> _core.Obstacle:
     """Build the core's obstacle, which takes a fraction of a second for many triangles."""
-    corners, indices = np.array(vertices, dtype=np.float32), np.array(triangles, dtype=np.uint32)
+    corners, indices = np.asarray(vertices, dtype=np.float32), np.asarray(triangles, dtype=np.uint32)
     return _core.Obstacle.mesh(corners, indices, contact=contact, friction=friction)
 
 

@@ -4,9 +4,11 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BaseModel, Field
 
 from hybridmpm.scene.fields import LONGEST, Fault, Range, Record
+from hybridmpm.scene.rows import Rows
 
 MOST_CELLS = 4096
 """Largest number of grid cells along an axis."""
@@ -18,6 +20,8 @@ _ROUNDING = 1e-6
 """Part of a cell by which a size may exceed a whole number of cells by rounding."""
 _PLACES = ("lower", "upper", "center", "start", "end", "point", "vertices")
 _LENGTHS = ("radius", "thickness")
+_NAMED = 50
+"""Largest number of corners of a surface that are named."""
 
 
 class World(Record):
@@ -81,9 +85,12 @@ def outside(part: BaseModel, size: tuple[float, ...]) -> Iterator[Fault]:
     for name, value in part:
         if name in _LENGTHS and value > longest:
             yield (name,), f"must be in (0, {longest:g}] m, got {value:g}"
-        elif name in _PLACES and isinstance(value, tuple):
+        elif name in _PLACES and isinstance(value, tuple | Rows):
             points: dict[tuple[str | int, ...], Any] = {(name,): value}
-            if value and isinstance(value[0], tuple):
+            if isinstance(value, Rows):
+                beyond = np.flatnonzero((np.asarray(value) > size).any(axis=1))[:_NAMED]
+                points = {(name, index): value[index] for index in beyond.tolist()}
+            elif value and isinstance(value[0], tuple):
                 points = {(name, index): point for index, point in enumerate(value)}
             for where, point in points.items():
                 for axis, (x, length) in enumerate(zip(point, size, strict=True)):

@@ -1,5 +1,8 @@
 """Bodies within surfaces of triangles: inside, mass, files, and what encloses nothing."""
 
+import base64
+import json
+import pickle
 import sys
 from pathlib import Path
 from typing import Any
@@ -7,7 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, ConfigError, DataError, Mesh, MpmSolver, Polygon, Scene, SceneError, check, export
+from hybridmpm import (
+    Ball,
+    ConfigError,
+    DataError,
+    Mesh,
+    MeshObstacle,
+    MpmSolver,
+    Polygon,
+    Scene,
+    SceneError,
+    check,
+    export,
+)
 from hybridmpm.recording import record
 from hybridmpm.scene import shape_in
 
@@ -145,6 +160,44 @@ def test_surfaces_that_cross_or_lie_in_each_other_have_the_mass_of_what_is_insid
     inner = trimesh.creation.box((0.2, 0.1, 0.1))
     with pytest.raises(SceneError, match=r"those of the part at \(.*\) turn against the others; reverse"):
         _body(trimesh.util.concatenate([box, inner]))
+def test_many_rows_are_one_text_in_files_and_come_back_with_their_bits(tmp_path: Path) -> None:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(3, 0.1)
+    vertices, triangles = np.asarray(ball.vertices) + np.array(CENTER), np.asarray(ball.faces)
+    body = Mesh(vertices=vertices, triangles=triangles, material="sand")
+    assert body == Mesh(
+        vertices=vertices.tolist(), triangles=[*map(tuple, triangles.tolist())], material="sand"
+    )
+    scene = Scene(dim=3, bodies=(body,), obstacles=(MeshObstacle(vertices=vertices, triangles=triangles),))
+    record = json.loads(scene.to_json())["bodies"][0]
+    text = record["triangles"]
+    assert base64.b64decode(text) == triangles.astype("<u4").tobytes()
+    scene.save(tmp_path / "scene.yaml")
+    for again in (Scene.load(tmp_path / "scene.yaml"), Scene.from_json(scene.to_json())):
+        assert again == scene
+        assert hash(again) == hash(scene)
+        np.testing.assert_array_equal(again.bodies[0].vertices, vertices)
+    assert pickle.loads(pickle.dumps(scene)) == scene == scene.model_copy(deep=True)  # noqa: S301 - our own
+    assert Mesh.model_validate(body.model_dump()) == body
+    far = base64.b64encode((vertices + 5000).tobytes()).decode()
+    wrong = base64.b64encode(np.append(triangles[1:], [[0, 1, 99_999]], axis=0).astype("<u4")).decode()
+    cases = [
+        ({"triangles": "no base 64"}, "triangles: must be lists, or text in base 64, which it is not"),
+        ({"triangles": text[:-4]}, r"triangles: as text must have rows of three uint32, 12 bytes, and has"),
+        ({"triangles": "A" * 10_000_000}, "triangles: must have 200000 or fewer rows"),
+        ({"triangles": wrong}, r"triangles\[1279\]: must be indices in \[0, 641\], got \[0, 1, 99999\]"),
+        ({"triangles": text[: 16 * 100]}, "open edges"),
+        ({"vertices": ""}, "vertices: must have 4 or more items, got 0"),
+        ({"vertices": far}, r"vertices\[0\]\[0\]: must be in \[0, 4096\] m, got 5000"),
+    ]
+    for change, message in cases:
+        with pytest.raises(SceneError, match=message):
+            Mesh(**record | change)
+    with pytest.raises(
+        SceneError, match=r"bodies\[0\]\.vertices\[\d+\]\[1\]: must be in \[0, 0.45\] m, got 0.4[5-9]"
+    ):
+        Scene.parse({"dim": 3, "world": {"size": [1, 0.45, 1]}, "bodies": [record]})
 
 
 @pytest.mark.needs("pysplashsurf", "surfaces")

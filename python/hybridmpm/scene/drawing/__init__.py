@@ -3,8 +3,6 @@
 import math
 from collections.abc import Iterable, Sequence
 
-import numpy as np
-
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.facets import MeshShape, PolygonShape
 from hybridmpm.scene.obstacles import Obstacle
@@ -92,13 +90,11 @@ def _polygon(polygon: PolygonShape, style: str) -> str:
 
 
 def _mesh(mesh: MeshShape, style: str) -> str:
-    """Return the triangles that face the viewer, or the box around many."""
-    corners = np.array(mesh.vertices)[np.array(mesh.triangles)]
+    """Return the triangles that face the viewer."""
+    vertices, triangles = mesh.coarser(_MOST_TRIANGLES)
+    corners = vertices[triangles]
     one, other = (corners[:, k, :2] - corners[:, 0, :2] for k in (1, 2))
     facing = corners[one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] > 0, :, :2]
-    if len(facing) > _MOST_TRIANGLES:
-        lower, upper = mesh.bounds
-        return _rectangle(lower.tolist(), upper.tolist(), style)
     lines = "".join(f"M{'L'.join(f'{x:.4g} {y:.4g}' for x, y in corner)}Z" for corner in facing.tolist())
     return f'<path d="{lines}" {style}/>'
 
