@@ -693,10 +693,10 @@ export interface SessionList {
 export interface ShapeBody {
   /** Kind of the shape: a polygon in 2D, a mesh in 3D. */
   shape: "polygon" | "mesh";
-  /** Corners [m]. */
-  vertices: number[][];
-  /** Indices of three vertices each, of a mesh. */
-  triangles?: number[][] | null;
+  /** Corners [m]; more than 1000 of a mesh are a text, base 64 of float64, little-endian, three a corner. */
+  vertices: number[][] | string;
+  /** Indices of three vertices each, of a mesh; more than 1000 are a text as well, of uint32. */
+  triangles?: number[][] | string | null;
 }
 
 export interface SketchBody {
@@ -758,10 +758,10 @@ export interface SketchRecord {
   angle?: number | null;
   /** Closed lines of a shape [m]. */
   outlines?: number[][][] | null;
-  /** Corners of the triangles of a solid [m]. */
-  vertices?: number[][] | null;
+  /** Corners of the triangles of a solid [m], as of a mesh in a scene. */
+  vertices?: number[][] | string | null;
   /** Triangles of a solid, three indices of vertices each, all of them the same way round. */
-  triangles?: number[][] | null;
+  triangles?: number[][] | string | null;
   /** Width of the stroke of an ellipse or a shape [pixels of 512]. */
   width?: number | null;
   /** How a picture was read, where that is not obvious. */

@@ -132,6 +132,7 @@ export class Client {
     return this.json("POST", "/v1/outlines", request, options);
   }
 
+  /** The shape in a file; of a surface of more than 1000 rows `vertices` and `triangles` are texts, as docs/guide/shapes.md says. */
   shape(file, kind, place) {
     return this.json("POST", "/v1/shapes", file, { query: { kind, ...place } });
   }

@@ -6,6 +6,7 @@ import { Draft } from "./draft.js";
 import { showForm } from "./form.js";
 import { bindHands } from "./hands.js";
 import { drawDraft, focusThing, shadeDraft, VIEWS, viewOf } from "./picture.js";
+import { unpacked } from "./rows.js";
 import { freeRoom, indexIn, inWords, kindsOf, made, nameOf } from "./things.js";
 import { yamlOf } from "./yaml.js";
 
@@ -18,7 +19,8 @@ const NUDGE = 0.1; // rad for an arrow key
 
 const SURFACES = ["stl", "obj", "ply", "glb"]; // endings of files for 3D
 
-const MOST_PLACES = 8000; // triangles and corners of a surface; the service takes 32768 values in a request
+const QUICK = 20_000; // triangles that are shaded with each move of a hand
+const REST_MS = 150; // rest after a move until more of them are shaded
 
 const STORED = "hybridmpm.draft"; // name of the draft in the browser's storage
 
@@ -31,6 +33,7 @@ const state = {
   ofFile: false, // whether the status is about a file
   used: "front", // the picture that a hand was at last
   shaded: 0, // request of a picture
+  resting: 0, // timer of one of many triangles
   yaw: 0.6, // from where the things in space are seen aslant [rad]
   pitch: 0.4,
 };
@@ -57,9 +60,16 @@ function changed() {
   for (const id of ["build-start", "build-save"]) byId(id).disabled = draft.things.length === 0;
 }
 
-/** Shade what is in space before the browser shows the next picture. */
+/** Shade what is in space before the browser shows the next picture, surfaces of many triangles where no hand moves. */
 function shadeSoon() {
   cancelAnimationFrame(state.shaded);
+  clearTimeout(state.resting);
+  const triangles = draft.things.reduce((sum, { record }) => sum + (record.triangles?.length ?? 0), 0);
+  if (triangles > QUICK) state.resting = setTimeout(shadeNext, REST_MS);
+  else shadeNext();
+}
+
+function shadeNext() {
   state.shaded = requestAnimationFrame(() => {
     if (!inSpace()) return;
     shadeDraft(byId("build-front-shades"), view("front"), draft);
@@ -189,11 +199,7 @@ async function addFile(file) {
   const [lower, upper] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
   const [x, y, z] = lower.map((low, k) => (low + upper[k]) / 2);
   try {
-    const { shape, vertices, triangles } = await client.shape(file, kind, { height: FIRST_SIZE, x, y, ...(dim === 3 ? { z } : {}) });
-    if (dim === 3 && triangles.length + vertices.length > MOST_PLACES) {
-      setText("build-status", `${file.name} has ${triangles.length} triangles, and a scene of the page takes about 5000: simplify it, or read it with MeshObstacle.read in Python.`);
-      return;
-    }
+    const { shape, vertices, triangles } = unpacked(await client.shape(file, kind, { height: FIRST_SIZE, x, y, ...(dim === 3 ? { z } : {}) }));
     draft.add({ part: "obstacles", record: dim === 3 ? { shape, vertices, triangles } : { shape, vertices } });
     focusThing(picture(), draft.selected);
   } catch (problem) {

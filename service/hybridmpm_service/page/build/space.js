@@ -6,7 +6,7 @@ import { convexHull, hullOf } from "./hulls.js";
 const SMALLEST = 0.02; // m
 const TURN_AWAY = 0.05; // distance of the handle that turns a body from its side [m]
 const MOST_HANDLES = 12; // corners of a polyhedron that each have one
-const MOST_OUTLINED = 3000; // corners of a surface that its outline goes round
+const DIRECTIONS = 720; // in which the outline of a surface of many corners is found
 const IN_PLANE = 0.3; // share of an arrow that has to be seen, so that one can take its tip
 const MOST_CORNERS = 160; // directions in which a surface is asked for the corners of its hull
 const THIN = 0.002; // half the thickness of an opening [m]
@@ -123,17 +123,28 @@ function surfaceOfMesh({ vertices, triangles }) {
   return numbers;
 }
 
-/** Corners of a surface, some of very many. */
+/** Corners of a surface. */
 const cornersOf = kept((record) => {
-  if (record.vertices !== undefined) return thinned(record.vertices);
+  if (record.vertices !== undefined) return record.vertices;
   const surface = surfaceOf(record);
   return Array.from({ length: surface.length / 6 }, (_, i) => Array.from(surface.subarray(6 * i, 6 * i + 3)));
 });
 
-const thinned = (points) => points.filter((_, i) => i % Math.ceil(points.length / MOST_OUTLINED) === 0);
+/** Of very many points [x, y] the farthest ones from their middle in each direction. */
+function farthest(points) {
+  if (points.length <= DIRECTIONS) return points;
+  const [x, y] = points.reduce(([a, b], p) => [a + p[0] / points.length, b + p[1] / points.length], [0, 0]);
+  const found = new Map();
+  for (const p of points) {
+    const direction = Math.round((Math.atan2(p[1] - y, p[0] - x) * DIRECTIONS) / (2 * Math.PI));
+    const away = (p[0] - x) ** 2 + (p[1] - y) ** 2;
+    if (away >= (found.get(direction)?.away ?? 0)) found.set(direction, { p, away });
+  }
+  return [...found.values()].map(({ p }) => p);
+}
 
 /** The outline of a record in a view: corners [x, y] of the picture. */
-export const outlineIn = (record, view) => hullOf(cornersOf(record).map((corner) => view.to(corner)));
+export const outlineIn = (record, view) => hullOf(farthest(cornersOf(record).map((corner) => view.to(corner))));
 
 /** Corners of the box around some points. */
 const boundsOfPoints = kept((points) => {
@@ -207,7 +218,7 @@ const upOf = ({ rows }) => rows[1];
 /** How far a surface reaches from its centre in a direction [m]. */
 function reachOf(record, direction) {
   const center = centerInSpace(record);
-  return Math.max(...cornersOf(record).map((p) => dot(minus(p, center), direction)));
+  return cornersOf(record).reduce((most, p) => Math.max(most, dot(minus(p, center), direction)), -Infinity);
 }
 
 /** The arrow of a body whose angle in a view the handle shows: unit vector in its plane; null where it is seen from its tip. */

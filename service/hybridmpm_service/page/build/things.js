@@ -3,6 +3,7 @@
 // Points have two or three numbers [m]. A `room` has the sides of the world, a `view` is what picture.js makes.
 
 import { DENSITY, handlesOfRigid, outlineOf, resizedRigid, RIGID_KINDS } from "./rigid.js";
+import { packed, unpacked } from "./rows.js";
 import { boundsInSpace, cylinderIn, handlesInSpace, hullOfSurface, polyhedronIn, resizedInSpace, scaledInSpace, slopeIn } from "./space.js";
 
 const SMALLEST = 0.02; // m
@@ -78,7 +79,7 @@ export const made = (kind, a, b, room) => ({ part: KINDS[kind].part, record: KIN
 export const thingsOf = (scene) =>
   PARTS.flatMap((part) =>
     (scene[part] ?? []).map((record) => {
-      if (part !== "emitters") return { part, record };
+      if (part !== "emitters") return { part, record: unpacked(record) };
       const { start, stop, ...rest } = record;
       return { part, record: { ...rest, times: { start, stop } } };
     }),
@@ -87,7 +88,7 @@ export const thingsOf = (scene) =>
 /** A scene with other things in it. */
 export function sceneOf(base, things) {
   const scene = structuredClone(base);
-  for (const part of PARTS) scene[part] = things.filter((thing) => thing.part === part).map(({ record: { times, ...record } }) => ({ ...record, ...times }));
+  for (const part of PARTS) scene[part] = things.filter((thing) => thing.part === part).map(({ record: { times, ...record } }) => ({ ...packed(record), ...times }));
   return scene;
 }
 

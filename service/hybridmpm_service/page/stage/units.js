@@ -4,7 +4,7 @@ import { lengthOf } from "../frames.js";
 
 /** Names of what is a length, a place or a velocity; those of a scene that are plain numbers are its lengths. */
 const LENGTHS = ["radius", "thickness", "spacing", "cell", "reach", "half"];
-const PLACES = ["lower", "upper", "center", "start", "end", "point", "points", "path", "region", "outlines", "axes", "centroid", "velocity", "half", "corners", "grip", "target"];
+const PLACES = ["lower", "upper", "center", "start", "end", "point", "points", "path", "region", "outlines", "axes", "centroid", "velocity", "half", "corners", "grip", "target", "vertices"];
 
 /** The sides of the world of a scene, in the longest one. */
 export const sidesOf = (scene) => (scene.world?.size ?? [1, 1, 1]).map((side) => side / lengthOf(scene));
