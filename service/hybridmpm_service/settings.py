@@ -57,8 +57,8 @@ class Settings(BaseModel):
     """Largest number of jobs, those that have ended among them."""
     max_upload_bytes: int = Field(default=1 << 20, ge=1024, le=1 << 20)
     """Largest size of an uploaded PNG in bytes."""
-    max_body_bytes: int = Field(default=1 << 21, ge=4096, le=1 << 26)
-    """Largest size of a request body in bytes."""
+    max_body_bytes: int = Field(default=1 << 24, ge=4096, le=1 << 26)
+    """Largest size of a request body in bytes; a surface of 200 000 triangles takes 10 MB as STL."""
     idle_seconds: float = Field(default=600, ge=1, le=604_800)
     """Seconds after which a session ends that no client watches or calls."""
     send_seconds: float = Field(default=5, gt=0, le=600)

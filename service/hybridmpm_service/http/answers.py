@@ -432,10 +432,10 @@ class ShapeBody(Answer):
 
     shape: Literal["polygon", "mesh"]
     """Kind of the shape: a polygon in 2D, a mesh in 3D."""
-    vertices: list[list[float]]
-    """Corners [m]."""
-    triangles: list[list[int]] | None = None
-    """Indices of three vertices each, of a mesh."""
+    vertices: list[list[float]] | str
+    """Corners [m]; more than 1000 of a mesh are a text, base 64 of float64, little-endian, three a corner."""
+    triangles: list[list[int]] | str | None = None
+    """Indices of three vertices each, of a mesh; more than 1000 are a text as well, of uint32."""
 
 
 class CheckBody(Answer):

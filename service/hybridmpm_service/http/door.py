@@ -26,7 +26,7 @@ from hybridmpm_service.http.rounds import Rounds
 from hybridmpm_service.keys.callers import CALLER
 from hybridmpm_service.sessions.turns import CLIENT, Client
 
-MAX_BODIES_BYTES = 1 << 26
+MAX_BODIES_BYTES = 1 << 27
 """Largest memory of all bodies that are being received or worked on [bytes]."""
 MAX_ANSWERS_BYTES = 1 << 28
 """Largest memory of all answers that are being sent [bytes]."""

@@ -77,4 +77,4 @@ class OutlinesBody(Answer):
     @classmethod
     def of(cls, shape: Shape) -> Self:
         """Describe a shape."""
-        return cls(sketch=SketchRecord.of(shape).model_dump(exclude_none=True), area=shape.area)
+        return cls(sketch=SketchRecord.of(shape).model_dump(mode="json", exclude_none=True), area=shape.area)

@@ -319,7 +319,7 @@ class LegBody(Answer):
     def of(cls, leg: Leg) -> Self:
         """Describe a goal among several."""
         return cls(
-            sketch=SketchRecord.of(leg.keyframe.goal).model_dump(exclude_none=True),
+            sketch=SketchRecord.of(leg.keyframe.goal).model_dump(mode="json", exclude_none=True),
             start=leg.start,
             frames=leg.arrival - leg.start,
             hold=leg.keyframe.hold,
@@ -360,7 +360,7 @@ class GuidanceBody(Answer):
         """Describe a guidance that steers from `first_frame` on."""
         legs = guidance.legs if isinstance(guidance, Sequence) else None
         return cls(
-            sketch=SketchRecord.of(guidance.sketch).model_dump(exclude_none=True),
+            sketch=SketchRecord.of(guidance.sketch).model_dump(mode="json", exclude_none=True),
             method=guidance.method,
             reason=guidance.reason,
             frames=guidance.frames,

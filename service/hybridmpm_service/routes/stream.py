@@ -4,12 +4,14 @@ import asyncio
 import base64
 import contextlib
 import json
+from functools import lru_cache
 from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
-from hybridmpm import Scene, SimulationError
+from hybridmpm import MeshObstacle, Scene, SimulationError
+from hybridmpm.scene import Obstacle
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import (
     FieldError,
@@ -50,8 +52,10 @@ router = APIRouter()
 
 _LAST_WORDS_SECONDS = 0.3
 """Longest time for a client to read the last message when its stream ends."""
-_SHOWN = {"name", "dim", "world", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
-"""Fields of a scene for viewers."""
+_SHOWN = {"name", "dim", "world", "frame_dt", "gravity", "walls", "emitters", "sinks"}
+"""Fields of a scene for viewers, beside its obstacles."""
+_MOST_TRIANGLES, _DIGITS = 5000, 5
+"""Largest number of triangles of a surface that viewers draw, and decimals of its corners [m]."""
 _SHOWN_OF_HANDS = {"point", "radius", "body", "grip", "target"}
 """Fields of hands for viewers."""
 _BAR_SECONDS = 1.0
@@ -261,8 +265,24 @@ def _refusal(err: ValidationError) -> FieldError:
     return FieldError(field, problem["msg"])
 
 
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    """Return an obstacle as viewers draw it: a surface of many triangles coarser than it is."""
+    if not isinstance(obstacle, MeshObstacle):
+        return obstacle.model_dump(mode="json", exclude_none=True)
+    rest = obstacle.model_dump(mode="json", exclude_none=True, exclude={"vertices", "triangles"})
+    vertices, triangles = _surface(obstacle)
+    return rest | {"vertices": vertices, "triangles": triangles}
+
+
+@lru_cache(maxsize=8)
+def _surface(mesh: MeshObstacle) -> tuple[list[list[float]], list[list[int]]]:
+    vertices, triangles = mesh.coarser(_MOST_TRIANGLES)
+    return vertices.round(_DIGITS).tolist(), triangles.tolist()
+
+
 def _hello(session: Session, version: int) -> str:
     scene = session.scene.model_dump(mode="json", exclude_none=True, include=_SHOWN)
+    scene["obstacles"] = [_obstacle(one) for one in session.scene.obstacles]
     types = session.simulation.types
     encoded = None if types is None else base64.b64encode(types.tobytes()).decode()
     return _text(

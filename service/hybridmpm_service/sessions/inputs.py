@@ -20,7 +20,6 @@ from hybridmpm.control import (
     MAX_KEYFRAMES,
     MAX_OUTLINES,
     MAX_POINTS,
-    MAX_TRIANGLES,
     METHODS,
     Arrow,
     Ellipse,
@@ -35,6 +34,7 @@ from hybridmpm.control import (
     Solid,
     Stroke,
 )
+from hybridmpm.scene import Triangles, Vertices
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
@@ -122,9 +122,9 @@ class SketchRecord(Strict):
     """Angle of the major axis to +x [rad]."""
     outlines: list[list[list[float]]] | None = Field(default=None, max_length=MAX_OUTLINES)
     """Closed lines of a shape [m]."""
-    vertices: list[list[float]] | None = Field(default=None, max_length=MAX_TRIANGLES)
-    """Corners of the triangles of a solid [m]."""
-    triangles: list[list[int]] | None = Field(default=None, max_length=MAX_TRIANGLES)
+    vertices: Vertices | None = None
+    """Corners of the triangles of a solid [m], as of a mesh in a scene."""
+    triangles: Triangles | None = None
     """Triangles of a solid, three indices of vertices each, all of them the same way round."""
     width: float | None = None
     """Width of the stroke of an ellipse or a shape [pixels of 512]."""
@@ -422,9 +422,10 @@ class Inputs(Several[Input]):
 
 
 def _plain(record: Sketch | Push | Pull) -> dict[str, Any]:
-    """Return the fields of a record, with arrays as lists and without absent ones."""
-    given = ((field.name, getattr(record, field.name)) for field in fields(record))
-    return {name: _listed(value) for name, value in given if value is not None}
+    """Return the fields of a record without absent ones; arrays are lists, but for those of surfaces."""
+    given = {field.name: getattr(record, field.name) for field in fields(record)}
+    given = {name: value for name, value in given.items() if value is not None}
+    return given if isinstance(record, Solid) else {name: _listed(value) for name, value in given.items()}
 
 
 def _listed(value: Any) -> Any:

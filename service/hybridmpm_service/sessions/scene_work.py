@@ -60,10 +60,10 @@ def read_shape(data: bytes, kind: str, center: tuple[float, ...], height: float)
         try:
             shape = shape_in(path, center, height)
             # Faults of surfaces, such as open edges, are those of an obstacle.
-            (MeshObstacle if shape["shape"] == "mesh" else PolygonObstacle)(**shape)
+            solid = (MeshObstacle if shape["shape"] == "mesh" else PolygonObstacle)(**shape)
         except (ConfigError, DataError) as error:
             return str(error).replace(str(path), "the file").replace(path.name, "the file")
-        return shape
+        return solid.model_dump(mode="json", include={"shape", "vertices", "triangles"})
 
 
 def surface_file(recording: Recording, kind: str) -> bytes:

@@ -10,7 +10,7 @@ import trimesh
 from playwright.sync_api import Locator, expect
 from tests.browser.conftest import LIVE, LiveService, Open, Visit
 
-from hybridmpm import Scene
+from hybridmpm import MeshObstacle, Scene
 
 pytestmark = pytest.mark.browser
 
@@ -325,13 +325,17 @@ def test_a_scene_in_space_is_built_simulated_and_saved(
 
 @pytest.mark.long
 def test_a_scene_of_a_file_is_changed_and_keeps_the_rest(open_page: Open, service: LiveService) -> None:
+    # Its triangles are a text.
+    surface = trimesh.creation.icosphere(3, 0.1)
+    solid = MeshObstacle(vertices=np.asarray(surface.vertices) + 0.5, triangles=np.asarray(surface.faces))
+    stone = solid.model_dump(mode="json", exclude_none=True)
     scene = {
         "dim": 3,
         "world": {"size": [2, 1, 1]},
         "resolution": 16,
         "walls": {"lower": [0.1] * 3, "upper": [1.9, 0.9, 0.9]},
         "bodies": [],
-        "obstacles": [{"shape": "half_space", "point": [0.5, 0.2, 0.5], "normal": [0.3, 1, 0]}],
+        "obstacles": [{"shape": "half_space", "point": [0.5, 0.2, 0.5], "normal": [0.3, 1, 0]}, stone],
         "emitters": [
             {
                 "shape": "round",
@@ -346,12 +350,17 @@ def test_a_scene_of_a_file_is_changed_and_keeps_the_rest(open_page: Open, servic
     session = service.post("/v1/sessions", {"scene": scene})["id"]
     visit = open_page(f"renderer=canvas2d&simulate=server&session={session}", until="body.state === 'live'")
     visit.page.get_by_role("button", name="Build").click()
-    expect(_things(visit)).to_have_count(2)
+    expect(_things(visit)).to_have_count(3)
     visit.page.locator("#build-picture .water").focus()
     visit.page.keyboard.press("ArrowRight")
     visit.page.keyboard.press("PageDown")
+    visit.page.locator('#build-picture [data-index="1"]').focus()
+    visit.page.keyboard.press("ArrowUp")
     built = _simulated(visit, service)
     assert built["emitters"][0]["center"] == pytest.approx([1.51, 0.7, 0.51])
     assert built["emitters"][0]["start"] == pytest.approx(0.01)
+    assert built["obstacles"][1]["triangles"] == stone["triangles"]
+    moved = np.array(built["obstacles"][1]["vertices"]) - stone["vertices"]
+    np.testing.assert_allclose(moved, [[0, 0.01, 0]] * len(moved), atol=1e-9)
     assert (built["obstacles"][0]["normal"], built["world"]) == ([0.3, 1, 0], scene["world"])
     service.end(session)

@@ -15,7 +15,7 @@ from hybridmpm_service.http.requests import MAX_VALUES
 
 TOO_MUCH = {
     "values": b'{"scene":{"dim":2,"bodies":[' + b"{}," * MAX_VALUES + b"{}]}}",
-    "bytes": b'{"scene":"' + bytes(1 << 21) + b'"}',
+    "bytes": b'{"scene":"' + bytes(1 << 24) + b'"}',
 }
 """Bodies of which no route may parse a byte."""
 

@@ -1,10 +1,12 @@
 """Checks and plans over HTTP are those of the library, and so is what a session has of them."""
 
+import json
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.service.conftest import SMALL_SCENE, problem
+from websockets.sync.client import connect
 
 from hybridmpm import MeshObstacle, Scene, check, plan, scenarios
 from hybridmpm.client import Client
@@ -153,6 +155,36 @@ def test_an_invalid_demand_is_refused(service: Any, body: dict[str, Any], said: 
     assert said in answer.text
 
 
+def _of_many_triangles(service: Any, shape: dict[str, Any]) -> None:
+    """Require that a surface of more numbers than a request may have stays with its session, as two texts."""
+    body = {"shape": "box", "lower": [0.3, 0.7, 0.3], "upper": [0.7, 0.8, 0.7], "material": "water"}
+    scene = {"dim": 3, "resolution": 16, "bodies": [body], "obstacles": [shape]}
+    assert len(MeshObstacle.model_validate(shape).triangles) == 10_000
+    paths = [service.create(scene)]
+    assert service.http.post(f"{paths[0]}/advance", json={"frames": 2}).status_code == 200
+    with connect(f"ws://{service.address}{paths[0]}/stream?version=3") as stream:
+        (shown,) = json.loads(stream.recv())["scene"]["obstacles"]
+    corners = np.array(shown["vertices"])[np.array(shown["triangles"])]
+    assert 2000 < len(corners) <= 5000
+    # As a picture it is the same: its volume is.
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    assert abs(volume) == pytest.approx(MeshObstacle.model_validate(shape).measure, rel=0.05)
+    log = service.http.get(f"{paths[0]}/log").json()
+    assert log["scene"]["obstacles"][0].items() >= shape.items()
+    again = service.http.post("/v1/sessions", json={"log": log}).json()
+    assert again["notice"] is None
+    paths.append(again["links"]["self"])
+    # The same fields are a goal.
+    goal = {"kind": "solid"} | {name: shape[name] for name in ("vertices", "triangles")}
+    where = problem(service.http.post(f"{paths[1]}/sketches", json={"sketch": goal}), 422)["detail"]
+    assert "no part of the solid is free: it lies in obstacles" in where
+    damaged = scene | {"obstacles": [shape | {"triangles": shape["triangles"][:-16]}]}
+    answer = service.http.post("/v1/sessions", json={"scene": damaged})
+    assert "obstacles[0].triangles: must be closed, but have" in problem(answer, 422)["detail"]
+    for path in paths:
+        service.http.delete(path)
+
+
 @pytest.mark.needs("trimesh", "shapes")
 def test_shapes_of_files_are_fields_of_bodies_and_faults_are_named(service: Any) -> None:
     import trimesh
@@ -168,6 +200,8 @@ def test_shapes_of_files_are_fields_of_bodies_and_faults_are_named(service: Any)
     box.update_faces([True] * 11 + [False])
     answer = sent(box.export(file_type="stl"), kind="stl")
     assert "3 open edges" in problem(answer, 422)["detail"]
+    ring = trimesh.creation.torus(0.2, 0.08, major_sections=100, minor_sections=50)
+    _of_many_triangles(service, sent(ring.export(file_type="ply"), kind="ply").json())
     drawn = '<g transform="scale(2 1)"><rect width="3" height="4"/></g>'
     found = sent(f'<svg xmlns="http://www.w3.org/2000/svg">{drawn}</svg>', kind="svg").json()
     assert "triangles" not in found or found["triangles"] is None

@@ -176,8 +176,8 @@ def test_a_solid_steers_in_space_and_is_kept_in_the_log(service: Any) -> None:
         ),
         (
             {"sketch": TETRAHEDRON | {"triangles": TETRAHEDRON["triangles"][1:]}},
-            "body.sketch",
-            "triangles must have 4 to 200000 rows of 3 whole numbers, got (3, 3)",
+            "body.sketch.triangles",
+            "should have at least 4 items",
         ),
         (
             {"sketch": TETRAHEDRON | {"triangles": [*TETRAHEDRON["triangles"][1:], [0, 0, 1]]}},
