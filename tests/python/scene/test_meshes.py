@@ -160,6 +160,8 @@ def test_surfaces_that_cross_or_lie_in_each_other_have_the_mass_of_what_is_insid
     inner = trimesh.creation.box((0.2, 0.1, 0.1))
     with pytest.raises(SceneError, match=r"those of the part at \(.*\) turn against the others; reverse"):
         _body(trimesh.util.concatenate([box, inner]))
+
+
 def test_many_rows_are_one_text_in_files_and_come_back_with_their_bits(tmp_path: Path) -> None:
     import trimesh
 
