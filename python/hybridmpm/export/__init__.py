@@ -159,6 +159,11 @@ def save(
         `check_target` refuses the path, or writing failed. An older file of that name then stays.
     """
     path, style = Path(path), style or Style()
+    if not isinstance(recording, Recording):
+        kind = type(recording).__name__
+        raise ExportError(
+            f"recording must be a Recording, such as record(solver, 100), got an object of type {kind}"
+        )
     check_target(path, style, dim=recording.scene.dim)
     progress = on_progress or (lambda _done, _total: None)
     suffix = path.suffix.lower()

@@ -6,6 +6,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import float64, whole
+from hybridmpm.errors import ConfigError
+
 _Floats = npt.NDArray[np.float64]
 
 
@@ -43,8 +46,18 @@ class RigidBodies:
         return cls(**parts)
 
     def grip(self, body: int, point: npt.ArrayLike) -> _Floats:
-        """Return where a point (D,) [m] is from the centre of a body, in the body's own frame (D,) [m]."""
-        arm = np.asarray(point, dtype=np.float64) - self.center[body]
+        """Return where a point (D,) [m] is from the centre of a body, in the body's own frame (D,) [m].
+
+        Raises
+        ------
+        ConfigError
+            There is no such body, or the point has another number of coordinates.
+        """
+        body = whole("body", body, 0, len(self) - 1)
+        place, dim = float64("point", point), self.center.shape[1]
+        if place.shape != (dim,):
+            raise ConfigError(f"point must have {dim} numbers, got shape {place.shape}")
+        arm = place - self.center[body]
         if len(arm) == 2:
             cosine, sine = np.cos(self.rotation[body]), np.sin(self.rotation[body])
             return np.array([cosine * arm[0] + sine * arm[1], cosine * arm[1] - sine * arm[0]])

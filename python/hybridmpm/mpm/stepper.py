@@ -181,6 +181,9 @@ class MpmStepper:
 
 def _parted(data: bytes) -> tuple[bytes, bytes | None]:
     """Return the state of the solver, and that of the upsampler if there is one."""
+    if not isinstance(data, bytes | bytearray | memoryview):
+        raise SnapshotError(f"snapshot refused: it must be bytes, got {type(data).__name__}")
+    data = bytes(data)
     if not data.startswith(_MAGIC):
         return data, None
     if len(data) < _PREFIX.size:

@@ -181,6 +181,8 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911, PLR0912 - one 
             return "unknown field"
         case "missing":
             return "is required"
+        case "model_type" if isinstance(given, BaseModel):
+            return f"must be a {context['class_name']}, got a {type(given).__name__}"
         case "model_type":
             return f"{context['class_name']} must be an object with named fields"
         case "model_attributes_type" | "dict_type":

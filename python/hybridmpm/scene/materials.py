@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from hybridmpm import _core
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.scene.fields import Range, Record
 
 REFERENCE_BULK_MODULUS = 277_778.0
@@ -229,11 +230,18 @@ class Elastic(Record):
         )
 
 
+_KINDS = ("water", "liquid", "sand", "elastic")
+
+
 def _from_name(value: object) -> object:
     """Return {"kind": "water"} for "water", and for "honey" the liquid of that name."""
-    if isinstance(value, str):
-        return LIQUIDS.get(value, {"kind": value})
-    return value
+    if not isinstance(value, str):
+        return value
+    if value not in {*_KINDS, *LIQUIDS}:
+        known = [*_KINDS, *LIQUIDS]
+        names = ", ".join(repr(name) for name in known)
+        raise ValueError(f"must be one of {names}, got {value!r}{did_you_mean(value, known)}")
+    return LIQUIDS.get(value, {"kind": value})
 
 
 Material = Annotated[

@@ -135,6 +135,14 @@ class Scene(Record):
         "pauses while another layer would exceed it.",
     )
 
+    @field_validator("bodies", "obstacles", "rigid", "emitters", "sinks", mode="before")
+    @classmethod
+    def _listed(cls, value: object) -> object:
+        """Refuse a single part, whose fields pydantic would take for items."""
+        if isinstance(value, Record):
+            raise ValueError(f"must be a list, got a {type(value).__name__}: write it within [ ]")  # noqa: TRY004 - for pydantic
+        return value
+
     @field_validator("world")
     @classmethod
     def _unit_is_none(cls, world: World | None, info: ValidationInfo) -> World | None:

@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Box, ConfigError, MpmSolver, RigidBox, RigidCylinder, RigidHull, Scene, Water
+from hybridmpm import (
+    Box,
+    ConfigError,
+    MpmSolver,
+    RigidBox,
+    RigidCylinder,
+    RigidHull,
+    Scene,
+    SnapshotError,
+    Water,
+)
 from hybridmpm.control import pull
 
 
@@ -30,6 +40,12 @@ def test_a_hand_holds_a_point_of_a_body_in_space() -> None:
     sag = 0.08 * crate.mass * 9.81 / strength
     assert held == pytest.approx(np.subtract(target, (0, sag, 0)), abs=0.03)
     assert solver.rigid_bodies.grip(0, held) == pytest.approx(grip, abs=1e-6)
+    with pytest.raises(ConfigError, match=r"body must be in \[0, 0\], got 1"):
+        solver.rigid_bodies.grip(1, held)
+    with pytest.raises(ConfigError, match=r"point must have 3 numbers, got shape \(2,\)"):
+        solver.rigid_bodies.grip(0, held[:2])
+    with pytest.raises(SnapshotError, match="must be bytes, got str"):
+        solver.restore("state")  # type: ignore[arg-type]
 
 
 def test_a_pull_acts_in_one_frame_and_leaves_no_trace_in_snapshots() -> None:

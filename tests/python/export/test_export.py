@@ -166,6 +166,10 @@ def test_missing_encoder(tmp_path: Path, recording: Recording, monkeypatch: pyte
 def test_targets_that_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(ExportError):
         export.check_target(tmp_path / name)
+    with pytest.raises(
+        ExportError, match=r"recording must be a Recording, such as .*, got an object of type"
+    ):
+        export.save(tmp_path / "a.npz", None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("settings", [{"speed": 0.0}, {"speed": float("nan")}, {"strip": 0}, {"strip": 13}])

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import Ball, Box, ConfigError, MpmSolver, Scene, SceneError, Walls, Water
+from hybridmpm import Ball, Box, ConfigError, MpmSolver, RigidBox, Scene, SceneError, Walls, Water
 from hybridmpm.cli import cli
 from hybridmpm.data import SceneTemplate
 from hybridmpm.scene.plain_data import from_json, from_yaml
@@ -127,6 +127,25 @@ def test_bad_value(path: str, value: object, message: str) -> None:
         Scene.parse(changed(path, value))
     assert len(caught.value.problems) == 1
     assert re.match(re.escape(message).replace("…", ".*"), str(caught.value))
+
+
+def test_a_part_in_the_wrong_list_is_named() -> None:
+    water = Box(material="water", lower=(0.1, 0.1), upper=(0.4, 0.4))
+    crate = RigidBox(lower=(0.5, 0.5), upper=(0.6, 0.6))
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"bodies": [crate]}, "bodies[0]: must be a Box, got a RigidBox"),
+        ({"bodies": [water], "rigid": [water]}, "rigid[0]: must be a RigidBox, got a Box"),
+        ({"bodies": [water], "rigid": crate}, "rigid: must be a list, got a RigidBox: write it within [ ]"),
+        ({"bodies": water}, "bodies: must be a list, got a Box: write it within [ ]"),
+    ]
+    for fields, text in cases:
+        with pytest.raises(SceneError) as caught:
+            Scene(dim=2, **fields)
+        assert str(caught.value) == text
+    with pytest.raises(
+        SceneError, match=r"'honey', 'oil', 'mud', 'lava', got 'Honny'; did you mean 'honey'\?"
+    ):
+        Box(material="Honny", lower=(0.1, 0.1), upper=(0.4, 0.4))
 
 
 def test_all_faults_are_listed() -> None:
