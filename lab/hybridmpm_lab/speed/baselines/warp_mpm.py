@@ -80,12 +80,8 @@ class Solver(Constants):
             wp.launch(getattr(made, name), dim=size, inputs=inputs, device=device, record_cmd=True)
             for name, size, inputs in calls
         ]
+        self._is_captured = way == "captured"
         self._frame: Any = None
-        if way == "captured":
-            self.advance(1)  # compiles, which a capture must not
-            with wp.ScopedCapture(device=device) as capture:
-                self._launch_frame()
-            self._frame = capture.graph
 
     def load(
         self,
@@ -104,10 +100,14 @@ class Solver(Constants):
     def advance(self, frames: int) -> None:
         """Advance by whole frames, and wait until they are computed."""
         for _ in range(frames):
-            if self._frame is None:
-                self._launch_frame()
-            else:
+            if self._frame is not None:
                 wp.capture_launch(self._frame)
+                continue
+            self._launch_frame()  # before a capture, which must not compile
+            if self._is_captured:
+                with wp.ScopedCapture(device=self._device) as capture:
+                    self._launch_frame()
+                self._frame = capture.graph
         wp.synchronize_device(self._device)
 
     def _launch_frame(self) -> None:
