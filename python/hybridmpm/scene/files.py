@@ -37,7 +37,7 @@ def shape_in(path: str | Path, center: Sequence[float], height: float) -> dict[s
     ----------
     path : path
         .stl, .obj, .ply and .glb contain a closed surface, for 3D. Of an .svg the paths, rectangles, circles,
-        ellipses and polygons count, by the even-odd rule and in any colour; of a .png the dark parts.
+        ellipses and polygons that are seen count, in any colour; of a .png the dark parts.
     center : float (D,)
         Middle of the box around the shape [m].
     height : float in [1e-6, 4096]

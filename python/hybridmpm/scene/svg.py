@@ -12,6 +12,7 @@ import numpy as np
 
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.fields import Points
+from hybridmpm.scene.overlaps import as_seen
 
 _PIECES = 16
 """Straight pieces of a curve, or of a quarter of a circle."""
@@ -20,6 +21,7 @@ _GROUPS = {"svg", "g", "a", "switch", "symbol"}
 _SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
 _LENGTHS = {"x", "y", "width", "height", "cx", "cy", "r", "rx", "ry", "x1", "y1", "x2", "y2"}
 _TEXTS = {"d", "points", "transform"}
+_INHERITED = {"fill", "fill-rule", "stroke", "visibility"}
 _UNITS = {
     "": 1.0,
     "px": 1.0,
@@ -65,7 +67,10 @@ def drawn_lines(path: Path) -> list[Points]:
         paths = flattened_paths(_Drawing(root).plain())
     except Exception as error:  # noqa: BLE001 - readers of damaged files raise whatever comes
         raise DataError(f"{path.name} cannot be read as SVG: {error}") from None
-    return _lines_of(paths, path.name)
+    parts = [(_lines_of([one]), one.element.get("fill-rule") != "evenodd") for one in paths]
+    parts = [(lines, nonzero) for lines, nonzero in parts if lines]
+    _enclosing([line for lines, _ in parts for line in lines], path.name)
+    return as_seen(parts)
 
 
 def path_lines(text: str) -> list[Points]:
@@ -75,14 +80,19 @@ def path_lines(text: str) -> list[Points]:
     except ImportError:
         raise ConfigError("reading SVG needs svgpathtools: pip install 'hybridmpm[shapes]'") from None
     try:
-        return _lines_of([parse_path(text)], "path")
-    except DataError:
-        raise
+        lines = _lines_of([parse_path(text)])
     except Exception as error:  # noqa: BLE001 - the parser raises whatever comes
         raise DataError(f"path: it cannot be read: {error}") from None
+    return _enclosing(lines, "path")
 
 
-def _lines_of(paths: Sequence[Any], name: str) -> list[Points]:
+def _enclosing(lines: list[Points], name: str) -> list[Points]:
+    if not lines or not np.ptp(np.concatenate(lines)[:, 1]) > 0:
+        raise DataError(f"{name}: it encloses nothing; {_NEEDED}")
+    return lines
+
+
+def _lines_of(paths: Sequence[Any]) -> list[Points]:
     lines = []
     for part in (part for whole in paths if len(whole) for part in whole.continuous_subpaths()):
         points = [part[0].start]
@@ -95,10 +105,7 @@ def _lines_of(paths: Sequence[Any], name: str) -> list[Points]:
             points.pop()
         flat = np.array(points)
         lines.append(np.stack([flat.real, -flat.imag], axis=-1))
-    lines = [line for line in lines if len(line) > 2]
-    if not lines or not np.ptp(np.concatenate(lines)[:, 1]) > 0:
-        raise DataError(f"{name}: it encloses nothing; {_NEEDED}")
-    return lines
+    return [line for line in lines if len(line) > 2]
 
 
 class _Drawing:
@@ -128,7 +135,7 @@ class _Drawing:
             raise DataError(f"it has more than {_MOST_PARTS} parts, or {_DEEPEST} within each other")
         kind = element.tag.removeprefix(_SPACE)
         fields = dict(element.attrib) | _style(element.get("style", ""))
-        seen = inherited | {name: fields[name] for name in ("fill", "stroke", "visibility") if name in fields}
+        seen = inherited | {name: fields[name] for name in _INHERITED & fields.keys()}
         if fields.get("display") == "none" or fields.get("opacity") in {"0", "0%"}:
             return
         if "transform" in _style(element.get("style", "")):
@@ -138,7 +145,11 @@ class _Drawing:
         elif kind in _GROUPS - {"symbol"}:
             yield self._group(element, fields, seen, depth)
         elif kind in _SHAPES and _is_seen(seen):
-            yield from _shape(kind, fields)
+            for shape in _shape(kind, fields):
+                # Lines that are only drawn have no fill, and so no rule.
+                rule = "evenodd" if seen["fill"] == "none" else seen.get("fill-rule", "nonzero")
+                shape.set("fill-rule", rule)
+                yield shape
 
     def _group(
         self, element: ET.Element, fields: dict[str, str], seen: dict[str, str], depth: int

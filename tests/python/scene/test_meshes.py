@@ -262,6 +262,15 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         f'<a href="x"><switch>{bar}<circle r="90"/></switch></a>': 0.08,
         f'<svg x="5" viewBox="0 0 40 20" width="80" height="20" preserveAspectRatio="none">{bar}</svg>': 0.16,
         f"<text>no path</text>{bar}": 0.08,
+        bar + bar: 0.08,
+        f'{bar}<rect x="20" width="40" height="20"/>': 0.12,
+        '<rect x="10" width="10" height="30"/><rect y="10" width="30" height="10"/>': 500 * (0.2 / 30) ** 2,
+        '<circle cx="10" cy="10" r="10"/><rect x="10" width="30" height="20"/>': (np.pi * 50 + 600) / 1e4,
+        f'{bar}<circle cx="20" cy="10" r="5" fill="white"/>': 0.08 - np.pi * 0.0025,
+        '<path d="M0 0h40v20h-40zM10 5v10h10v-10z"/>': 0.07,
+        '<path d="M0 0h40v20h-40zM10 5h10v10h-10z"/>': 0.08,
+        '<g fill-rule="evenodd"><path d="M0 0h40v20h-40zM10 5h10v10h-10z"/></g>': 0.07,
+        '<polygon points="50,0 21,90 98,35 2,35 79,90"/>': 0.013774,
     }
     path = tmp_path / "drawing.svg"
     for part, area in parts.items():
@@ -275,7 +284,7 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         path.write_bytes(text.encode(coding))
         assert Polygon(material="water", **_fields(path)).measure == pytest.approx(0.08)
     loop = '<g id="a"><use href="#a"/></g>'
-    circles = "".join(f'<circle cx="{3 * (i % 20)}" cy="{3 * (i // 20)}" r="1"/>' for i in range(120))
+    circles = "".join(f'<circle cx="{3 * (i % 20)}" cy="{3 * (i // 20)}" r="1"/>' for i in range(40))
     for part, fault in [
         ("<text>wave</text>", "encloses nothing; there must be a path, .* make paths of texts"),
         (
@@ -285,8 +294,13 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         ('<use href="#none"/>', "it uses '#none', which is not in the file"),
         ('<rect width="4" height="2" style="transform: rotate(9deg)"/>', "transform stands in a style"),
         (loop, "more than 100000 parts, or 50 within each other"),
-        (bar + bar, "enclose no area, as where each is there twice"),
-        (circles, "too many details: .* in 120 lines.* leave details out"),
+        (
+            '<path fill-rule="evenodd" d="M0 0h4v2h-4zM0 0h4v2h-4z"/>',
+            "enclose no area, as where each is there twice",
+        ),
+        ('<path d="M0 0h1v1z"/>' * 2001, "has 2001 parts, at most 2000 are allowed"),
+        (2 * circles.replace('r="1"', 'r="99"'), "overlap in too many ways; unite them"),
+        (circles, "too many details: .* in 40 lines.* leave details out"),
     ]:
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{part}</svg>')
         with pytest.raises(DataError, match=fault):
