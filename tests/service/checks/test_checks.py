@@ -45,7 +45,7 @@ def test_a_check_is_made_for_the_chosen_simulator(service: Any) -> None:
     [
         ({"dim": 2, "resolution": 4, "bodies": []}, "resolution", "must be in [8, 4096] cells per metre"),
         (scene(resolution=64, dim=3), "bodies[0].lower", "dim = 3"),
-        (scene(BLOCK, BLOCK), "", "room for no particle"),
+        (scene(BLOCK, BLOCK), "bodies[1]", "room for no particle"),
         (
             scene(
                 {
