@@ -1,40 +1,60 @@
-//! Where lines of nodes cross the surface of a convex solid, sixteen nodes at a time.
+//! Where lines of nodes cross the surface of a solid.
 //!
-//! `Solids::line` does the same for one node, with the same operations in the same order.
+//! A line goes from a node outside along an axis, step by step: to the plane at the nearest point of a convex solid, which passes
+//! no part of it, or as far as the distance to another one. Nodes near to a convex solid are treated many at a time. Distances
+//! from facets differ too much in cost for that, and the lanes of WebAssembly are too few.
 
-use super::lines::{LINE_CELLS, Line, MOST_STEPS, ON_SURFACE, Solids, lowest_start};
+use super::lines::{BESIDE, LINE_CELLS, Line, ON_SURFACE, lowest_start};
 use super::motion::Pose;
 use super::obstacle::Obstacle;
+use super::shape::{Distances, one};
+use super::solids::Solids;
 use crate::grid::Layout;
-use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
+use crate::linalg::{Kernel, LANES, Quad, Vector, run_wide};
 use std::ops::Range;
 
-/// Nodes with mass that are near to one obstacle.
-pub struct Batch<const D: usize> {
+/// Nodes that are treated at a time.
+pub const MANY: usize = if cfg!(target_arch = "wasm32") {
+    1
+} else {
+    LANES
+};
+/// Most steps towards a surface; each leaves a fraction of the distance that was left.
+const MOST_STEPS: usize = 12;
+/// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
+/// wider than it is, as lines are a cell apart, and what flows beside it would be held.
+const INSET: f32 = 0.1;
+/// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
+const BODY_INSET: f32 = 0.005;
+
+/// Coordinates and memory index of a node.
+type Node<const D: usize> = ([usize; D], usize);
+
+/// Nodes near to one solid, from which lines are looked for.
+pub struct Batch<const D: usize, const N: usize> {
     obstacle: usize,
     count: usize,
-    /// Coordinates and memory indices.
-    nodes: [([usize; D], usize); LANES],
+    nodes: [Node<D>; N],
     /// Places [m].
-    x: [Lanes; D],
+    x: [[f32; N]; D],
 }
 
-impl<const D: usize> Batch<D> {
+impl<const D: usize, const N: usize> Batch<D, N> {
     pub fn new() -> Self {
         Self {
             obstacle: 0,
             count: 0,
-            nodes: [([0; D], 0); LANES],
-            x: [[0.0; LANES]; D],
+            nodes: [([0; D], 0); N],
+            x: [[0.0; N]; D],
         }
     }
 
     /// Whether the nodes have to be forgotten before one near to an obstacle is added.
     pub fn ends_before(&self, obstacle: usize) -> bool {
-        self.count == LANES || self.count > 0 && self.obstacle != obstacle
+        self.count == N || self.count > 0 && self.obstacle != obstacle
     }
 
-    pub fn add(&mut self, obstacle: usize, node: ([usize; D], usize), layout: &Layout<D>) {
+    pub fn add(&mut self, obstacle: usize, node: Node<D>, layout: &Layout<D>) {
         let x = layout.position(node.0);
         for axis in 0..D {
             self.x[axis][self.count] = x[axis];
@@ -43,47 +63,50 @@ impl<const D: usize> Batch<D> {
         (self.obstacle, self.count) = (obstacle, self.count + 1);
     }
 
-    /// Adds the lines that begin at the nodes, along the axes that are asked for in their planes, and forgets the nodes.
+    /// Adds the lines that begin at the nodes, along the axes that are asked for in their planes, and forgets the nodes. `elastic`
+    /// where elastic bodies may touch them.
     pub fn find(
         &mut self,
-        solids: &Solids<'_, D>,
+        solids: &Solids<D>,
+        elastic: bool,
         axes: impl Fn(usize) -> Range<usize>,
         found: &mut [Vec<Line<D>>; D],
     ) {
-        let (index, dx) = (self.obstacle, solids.layout.dx());
+        let index = self.obstacle;
         let nodes = &self.nodes[..std::mem::take(&mut self.count)];
         if nodes.is_empty() {
             return;
         }
-        let (obstacle, pose) = (&solids.list[index], solids.pose(index));
-        if !obstacle.shape.is_convex() {
-            for &node in nodes {
-                let at = obstacle.distance_in(pose, &solids.layout.position(node.0));
-                if at.0 > lowest_start(obstacle, dx) && at.0 <= LINE_CELLS * dx {
-                    for axis in axes(node.0[0]) {
-                        let line = |up: f32| solids.line(index, node, at, axis, up);
-                        found[axis].extend([1.0, -1.0].into_iter().filter_map(line));
+        let mut keep = |node: Node<D>, axis: usize, inward: f32, crossing, lift| {
+            let (of, direction) = ((index, elastic), (axis, inward));
+            found[axis].extend(solids.line_across(of, node, crossing, direction, lift));
+        };
+        if solids.list[index].shape.is_convex() {
+            let all = Candidates::new(solids, index, self.x, nodes.len());
+            let crossings = run_wide(all);
+            for (lane, &node) in nodes.iter().enumerate() {
+                for axis in axes(node.0[0]) {
+                    for (crossing, inward) in crossings[axis].iter().zip([1.0, -1.0]) {
+                        if let Some(crossing) = crossing.of(lane) {
+                            keep(node, axis, inward, crossing, Vector::zeros());
+                        }
                     }
                 }
             }
             return;
         }
-        let crossings = run_wide(Candidates {
-            obstacle,
-            pose,
-            dx,
-            inset: solids.inset(index),
-            x: self.x,
-            count: nodes.len(),
-        });
-        for (lane, &node) in nodes.iter().enumerate() {
-            for axis in axes(node.0[0]) {
-                for (crossing, inward) in crossings[axis].iter().zip([1.0, -1.0]) {
-                    if crossing.found[lane] {
-                        let direction = (axis, inward);
-                        let at = crossing.of(lane);
-                        let line = solids.line_across(index, node, at, direction, Vector::zeros());
-                        found[axis].extend(line);
+        for &node in nodes {
+            let x = solids.layout.position(node.0);
+            let Some((lift, flat, (distance, normal))) = start(solids, index, &x) else {
+                continue;
+            };
+            let at = ([distance], one(&normal));
+            let alone = Candidates::new(solids, index, one(&(x + lift)), 1);
+            for axis in axes(node.0[0]).filter(|axis| flat != Some(*axis)) {
+                for inward in [1.0, -1.0] {
+                    let crossing = alone.crossing(axis, inward, [true], at);
+                    if let Some(crossing) = crossing.of(0) {
+                        keep(node, axis, inward, crossing, lift);
                     }
                 }
             }
@@ -91,67 +114,102 @@ impl<const D: usize> Batch<D> {
     }
 }
 
-/// Nodes near to one convex solid.
-struct Candidates<'a, const D: usize> {
+/// Where the lines of a node near to a surface of facets begin: how far beside it [m], along which axis none does, and the distance
+/// and the normal there.
+///
+/// Below one face of a concave corner another face goes on as a plane, as each of two solids does where one stands on the other.
+fn start<const D: usize>(
+    solids: &Solids<D>,
+    index: usize,
+    x: &Vector<D>,
+) -> Option<(Vector<D>, Option<usize>, (f32, Vector<D>))> {
+    let dx = solids.layout.dx();
+    let (distance, normal) = solids.distance(index, x);
+    if distance <= lowest_start(&solids.list[index], dx) || distance > LINE_CELLS * dx {
+        return None;
+    }
+    if distance > 0.0 {
+        return Some((Vector::zeros(), None, (distance, normal)));
+    }
+    let lift = normal * (BESIDE * dx - distance);
+    let at = solids.distance(index, &(x + lift));
+    let flat = (0..D).find(|axis| is_steepest(&one(&normal), 0, *axis));
+    (at.0 > 0.0).then_some((lift, flat, at))
+}
+
+/// Whether an axis is the nearest to a normal; of two that are as near, the later one.
+#[inline(always)]
+fn is_steepest<const D: usize, const N: usize>(
+    normal: &[[f32; N]; D],
+    lane: usize,
+    axis: usize,
+) -> bool {
+    let size = |k: usize| normal[k][lane].abs() * (1.0 + 1.0e-3 * k as f32);
+    let is_behind = |k: usize| size(k) < size(axis) || k <= axis && size(k) == size(axis);
+    (0..D).fold(true, |all, k| all & is_behind(k))
+}
+
+/// Nodes near to one solid, or places beside them.
+struct Candidates<'a, const D: usize, const N: usize> {
     obstacle: &'a Obstacle<D>,
     pose: Option<&'a Pose<D>>,
+    is_convex: bool,
     /// Cell size [m].
     dx: f32,
-    /// See `Solids::inset`.
+    /// See `INSET`.
     inset: f32,
     /// Places of the nodes [m].
-    x: [Lanes; D],
+    x: [[f32; N]; D],
     /// Of those in use.
     count: usize,
 }
 
 /// Where the lines from each node in one direction cross the surface.
 #[derive(Debug, Clone, Copy)]
-struct Crossings<const D: usize> {
-    found: [bool; LANES],
+struct Crossings<const D: usize, const N: usize> {
+    found: [bool; N],
     /// Distance from the node along the axis [cells].
-    t: Lanes,
-    normal: [Lanes; D],
+    t: [f32; N],
+    normal: [[f32; N]; D],
 }
 
-impl<const D: usize> Crossings<D> {
+impl<const D: usize, const N: usize> Crossings<D, N> {
     const NONE: Self = Self {
-        found: [false; LANES],
-        t: [0.0; LANES],
-        normal: [[0.0; LANES]; D],
+        found: [false; N],
+        t: [0.0; N],
+        normal: [[0.0; N]; D],
     };
 
-    /// Distance along the axis [cells], and the normal there.
-    fn of(&self, lane: usize) -> (f32, Vector<D>) {
+    /// Distance along the axis [cells], and the normal there; None where there is no crossing.
+    fn of(&self, lane: usize) -> Option<(f32, Vector<D>)> {
         let normal = Vector::from_fn(|axis, _| self.normal[axis][lane]);
-        (self.t[lane], normal)
+        self.found[lane].then_some((self.t[lane], normal))
     }
 }
 
 /// Whether any lane holds.
 #[inline(always)]
-fn any(lanes: &[bool; LANES]) -> bool {
+fn any<const N: usize>(lanes: &[bool; N]) -> bool {
     lanes.iter().fold(false, |any, lane| any | lane)
 }
 
-impl<const D: usize> Kernel for Candidates<'_, D> {
+impl<const D: usize, const N: usize> Kernel for Candidates<'_, D, N> {
     /// By axis: up, and down.
-    type Output = [[Crossings<D>; 2]; D];
+    type Output = [[Crossings<D, N>; 2]; D];
 
     #[inline(always)]
     fn run<Q: Quad>(self) -> Self::Output {
         let mut crossings = [[Crossings::NONE; 2]; D];
-        let (distance, normal) = self.obstacle.distances(self.pose, &self.x);
-        let (mut left, mut near) = ([0.0; LANES], [false; LANES]);
-        for i in 0..LANES {
-            left[i] = distance[i] / self.dx;
-            near[i] =
-                (distance[i] > 0.0) & (distance[i] <= LINE_CELLS * self.dx) & (i < self.count);
+        let at = self.obstacle.distances(self.pose, &self.x);
+        let mut near = [false; N];
+        for i in 0..N {
+            let distance = at.0[i];
+            near[i] = (distance > 0.0) & (distance <= LINE_CELLS * self.dx) & (i < self.count);
         }
         if any(&near) {
             for (axis, both) in crossings.iter_mut().enumerate() {
                 for (crossing, inward) in both.iter_mut().zip([1.0, -1.0]) {
-                    *crossing = self.crossing(axis, inward, near, left, normal);
+                    *crossing = self.crossing(axis, inward, near, at);
                 }
             }
         }
@@ -159,33 +217,50 @@ impl<const D: usize> Kernel for Candidates<'_, D> {
     }
 }
 
-impl<const D: usize> Candidates<'_, D> {
+impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
+    fn new(solids: &'a Solids<D>, index: usize, x: [[f32; N]; D], count: usize) -> Self {
+        let obstacle = &solids.list[index];
+        Self {
+            obstacle,
+            pose: solids.pose(index),
+            is_convex: obstacle.shape.is_convex(),
+            dx: solids.layout.dx(),
+            inset: if solids.is_body(index) {
+                BODY_INSET
+            } else {
+                INSET
+            },
+            x,
+            count,
+        }
+    }
+
     /// Places on the lines, so far from their nodes [cells].
     #[inline(always)]
-    fn places(&self, axis: usize, inward: f32, t: &Lanes) -> [Lanes; D] {
+    fn places(&self, axis: usize, inward: f32, t: &[f32; N]) -> [[f32; N]; D] {
         let mut places = self.x;
-        for i in 0..LANES {
+        for i in 0..N {
             places[axis][i] += inward * t[i] * self.dx;
         }
         places
     }
 
-    /// From nodes at distances `left` [cells], with the normals there.
+    /// The crossings from those nodes that count, with their distances [m] and the normals there.
     #[inline(always)]
     fn crossing(
         &self,
         axis: usize,
         inward: f32,
-        mut found: [bool; LANES],
-        mut left: Lanes,
-        mut normal: [Lanes; D],
-    ) -> Crossings<D> {
-        let mut t = [0.0; LANES];
-        // A step to the plane at the nearest point passes no surface of a convex solid.
+        mut found: [bool; N],
+        (distance, mut normal): Distances<D, N>,
+    ) -> Crossings<D, N> {
+        let mut left = distance.map(|distance| distance / self.dx);
+        let mut t = [0.0; N];
         for _ in 0..MOST_STEPS {
-            let mut goes_on = [false; LANES];
-            for i in 0..LANES {
-                let approach = -normal[axis][i] * inward;
+            let mut goes_on = [false; N];
+            for i in 0..N {
+                let steepness = -normal[axis][i] * inward;
+                let approach = if self.is_convex { steepness } else { 1.0 };
                 let next = t[i] + left[i] / approach;
                 let there = left[i] <= ON_SURFACE;
                 let may = (approach > 0.0) & (next <= LINE_CELLS);
@@ -198,7 +273,7 @@ impl<const D: usize> Candidates<'_, D> {
             }
             let places = self.places(axis, inward, &t);
             let (distance, at) = self.obstacle.distances(self.pose, &places);
-            for i in 0..LANES {
+            for i in 0..N {
                 left[i] = if goes_on[i] {
                     distance[i] / self.dx
                 } else {
@@ -206,44 +281,35 @@ impl<const D: usize> Candidates<'_, D> {
                 };
             }
             for k in 0..D {
-                for i in 0..LANES {
+                for i in 0..N {
                     // Inside of an edge the nearest face may be another one.
                     let new = goes_on[i] & (left[i] >= 0.0);
                     normal[k][i] = if new { at[k][i] } else { normal[k][i] };
                 }
             }
         }
-        let mut far = [false; LANES];
-        for i in 0..LANES {
-            let mut is_steepest = true;
-            let size = |k: usize| normal[k][i].abs() * (1.0 + 1.0e-3 * k as f32);
-            for k in 0..D {
-                is_steepest &= if k <= axis {
-                    size(k) <= size(axis)
-                } else {
-                    size(k) < size(axis)
-                };
-            }
-            found[i] &= (left[i] <= ON_SURFACE) & is_steepest;
+        let mut far = [false; N];
+        for i in 0..N {
+            found[i] &= (left[i] <= ON_SURFACE) & is_steepest(&normal, i, axis);
             far[i] = found[i] & (t[i] > 2.0 - LINE_CELLS);
         }
         if any(&far) {
             // On the next node, up to rounding, where that does not begin the line itself.
-            let next = self.places(axis, inward, &[1.0; LANES]);
+            let next = self.places(axis, inward, &[1.0; N]);
             let (distance, _) = self.obstacle.distances(self.pose, &next);
-            for i in 0..LANES {
+            for i in 0..N {
                 found[i] &= !(far[i] & (distance[i] > 0.0));
             }
         }
         if any(&found) {
-            let mut inside = [0.0; LANES];
-            for i in 0..LANES {
+            let mut inside = [0.0; N];
+            for i in 0..N {
                 t[i] = t[i].min(1.0);
                 inside[i] = t[i] + self.inset;
             }
             let inside = self.places(axis, inward, &inside);
             let (depth, deep) = self.obstacle.distances(self.pose, &inside);
-            for i in 0..LANES {
+            for i in 0..N {
                 let mut beside = false;
                 for k in 0..D {
                     beside |= deep[k][i].abs() > deep[axis][i].abs();
@@ -257,7 +323,7 @@ impl<const D: usize> Candidates<'_, D> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::contact::{Contact, ContactKind};
+    use super::super::contact::{Contact, ContactKind, Walls};
     use super::super::motion::Motion;
     use super::super::shape::Shape;
     use super::*;
@@ -291,45 +357,35 @@ mod tests {
             kind: ContactKind::Separating,
             friction: None,
         };
+        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
         let spin: &[f32] = if D == 2 { &[1.0] } else { &[0.3, 0.5, 1.0] };
         let motion = Motion::new(point([0.1, 0.05, 0.0]), spin, lower, None).unwrap();
         for (shape, time) in shapes.into_iter().flat_map(|shape| {
             let at = move |time| (shape.clone(), time);
             [0.0, 0.31, 0.9].map(at)
         }) {
-            let list = [Obstacle::new(shape, contact).unwrap().moving(motion)];
-            let solids = Solids {
-                list: &list,
-                reaches: &[],
-                poses: &[Some(motion.pose(time))],
-                buckets: None,
-                layout: &layout,
-                dt: 1.0e-4,
-                elastic: true,
-            };
-            let (mut batch, mut found) = (Batch::new(), std::array::from_fn(|_| Vec::new()));
-            let mut alone: [Vec<Line<D>>; D] = std::array::from_fn(|_| Vec::new());
+            let obstacle = Obstacle::new(shape, contact).unwrap().moving(motion);
+            let mut solids = Solids::new(vec![obstacle], [].iter(), &walls, &layout);
+            solids.poses = vec![Some(motion.pose(time))];
+            let (mut batch, mut found) =
+                (Batch::<D, MANY>::new(), std::array::from_fn(|_| Vec::new()));
+            let (mut one, mut alone) = (Batch::<D, 1>::new(), std::array::from_fn(|_| Vec::new()));
             for memory in 0..layout.row_count() * layout.row_length {
                 let mut node = layout.row_coordinates(memory / layout.row_length);
                 node[D - 1] = memory % layout.row_length;
-                let at = list[0].distance_in(solids.pose(0), &layout.position(node));
-                if at.0.abs() > 2.0 * layout.dx() {
+                if solids.distance(0, &layout.position(node)).0.abs() > 2.0 * layout.dx() {
                     continue;
                 }
                 if batch.ends_before(0) {
-                    batch.find(&solids, |_| 0..D, &mut found);
+                    batch.find(&solids, true, |_| 0..D, &mut found);
                 }
                 batch.add(0, (node, memory), &layout);
-                if at.0 > 0.0 && at.0 <= LINE_CELLS * layout.dx() {
-                    for axis in 0..D {
-                        let line = |up: f32| solids.line(0, (node, memory), at, axis, up);
-                        alone[axis].extend([1.0, -1.0].into_iter().filter_map(line));
-                    }
-                }
+                one.add(0, (node, memory), &layout);
+                one.find(&solids, true, |_| 0..D, &mut alone);
             }
-            batch.find(&solids, |_| 0..D, &mut found);
+            batch.find(&solids, true, |_| 0..D, &mut found);
             assert!(found.iter().map(Vec::len).sum::<usize>() > 20);
-            assert!(found == alone, "{:?} at {time} s", list[0].shape);
+            assert!(found == alone, "{:?} at {time} s", solids.list[0].shape);
         }
     }
 

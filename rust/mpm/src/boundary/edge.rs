@@ -5,7 +5,8 @@
 //! face pushes each column by the part of its spline that the face covers, also columns beside the last one under it. Those get
 //! one contact in common with that one, and take its impulse in proportion to these parts: then all columns are in balance.
 
-use super::lines::{Line, Solids};
+use super::lines::Line;
+use super::solids::Solids;
 use super::wall_fill::cumulative;
 use crate::linalg::Vector;
 
@@ -15,8 +16,8 @@ const UNDER: f32 = 0.02;
 const SMOOTH: f32 = 0.8;
 /// Most columns of an edge line: those at a corner.
 const COLUMNS: usize = 4;
-/// Nodes of an edge line in 3D; in 2D half as many.
-pub const EDGE_NODES: usize = 3 * COLUMNS;
+/// Nodes of an edge line.
+const EDGE_NODES: usize = 3 * COLUMNS;
 
 /// A line of a rigid body at the edge of a face, with the columns of nodes beside it.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +29,7 @@ pub struct EdgeLine<const D: usize> {
 
 impl<const D: usize> EdgeLine<D> {
     /// Memory indices of the nodes of all columns, those of the line first, and their weights; 0 of nodes that are none.
-    pub fn nodes<const N: usize>(&self) -> ([usize; N], [f32; N]) {
+    pub fn nodes(&self) -> ([usize; EDGE_NODES], [f32; EDGE_NODES]) {
         let (nodes, weights) = self.line.nodes();
         let column = |k: usize| self.columns[k / 3];
         (
@@ -38,10 +39,19 @@ impl<const D: usize> EdgeLine<D> {
     }
 }
 
-impl<const D: usize> Solids<'_, D> {
-    /// The line with what it holds beside it; None where its face goes on for a cell, or the grid ends.
+impl<const D: usize> Solids<D> {
+    /// The line with what it holds beside it; None where its face goes on for a cell, or the grid ends, and where nothing has room to
+    /// flow there from beside the face, for it all but lies on a wall.
     pub fn at_edge(&self, line: &Line<D>, node: [usize; D], axis: usize) -> Option<EdgeLine<D>> {
         let (dx, normal) = (self.layout.dx(), line.normal);
+        let room = if normal[axis] < 0.0 {
+            line.x[axis] - self.walls.lower[axis]
+        } else {
+            self.walls.upper[axis] - line.x[axis]
+        };
+        if room < dx {
+            return None;
+        }
         let mut columns = [(0, 0.0); COLUMNS];
         columns[0].1 = 1.0;
         let (mut count, mut x) = (1, line.x);
@@ -93,8 +103,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::boundary::lines::LINE_CELLS;
-    use crate::boundary::obstacle::Obstacle;
+    use crate::boundary::crossings::Batch;
+    use crate::boundary::lines::{LINE_CELLS, LineNodes};
     use crate::boundary::{Contact, ContactKind, Obstacles, Pose, Shape, Walls};
     use crate::grid::Layout;
     use crate::linalg::Matrix;
@@ -105,6 +115,14 @@ mod tests {
         let (sin, cos) = turn.sin_cos();
         let turn = Matrix::<3>::new(cos, 0.0, sin, 0.0, 1.0, 0.0, -sin, 0.0, cos);
         Pose::of_body(center, turn, Vector::zeros(), Matrix::zeros())
+    }
+
+    fn walls() -> Walls<3> {
+        let contact = Contact {
+            kind: ContactKind::Separating,
+            friction: None,
+        };
+        Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact)
     }
 
     fn block(half: [f32; 3]) -> Shape<3> {
@@ -124,7 +142,6 @@ mod tests {
     fn uniform_pressure_on_a_face_stops_at_all_its_columns_wherever_it_lies() {
         let layout = Layout::<3>::unit(16);
         let half = [2.6, 2.3, 3.05];
-        let list = [Obstacle::of_body(&block(half), DX)];
         for place in [
             [0.0; 3],
             [0.21, 0.4, 0.63],
@@ -132,16 +149,10 @@ mod tests {
             [0.38, 0.7, 0.31],
         ] {
             let center = (Vector::repeat(8.0) + Vector::from(place)) * DX;
-            let poses = [Some(pose(center, 0.0))];
-            let solids = Solids {
-                list: &list,
-                reaches: &[1.0],
-                poses: &poses,
-                buckets: None,
-                layout: &layout,
-                dt: 1.0e-3,
-                elastic: false,
-            };
+            let shape = block(half);
+            let mut solids = Solids::new(Vec::new(), [&shape].into_iter(), &walls(), &layout);
+            solids.place_bodies([pose(center, 0.0)].into_iter());
+            solids.dt = 1.0e-3;
             // Nodes of unit mass, which pressure on the lower face pushed up by the part of their splines on it.
             let mut nodes = BTreeMap::new();
             let (mut lines, mut edges) = (Vec::new(), Vec::new());
@@ -155,28 +166,33 @@ mod tests {
                 let beside =
                     covered(from(0, -1.0), from(0, 1.0)) * covered(from(2, -1.0), from(2, 1.0));
                 nodes.insert(memory, [0.0, weight * beside, 0.0, 1.0]);
-                let at = solids.distance(0, &x);
-                if at.0 > 0.0 && at.0 <= LINE_CELLS * DX {
-                    let found = solids.line(0, (node, memory), at, 1, 1.0);
-                    if let Some(line) = found.filter(|line| line.normal.y < 0.0) {
-                        match solids.at_edge(&line, node, 1) {
+                let at = solids.distance(0, &x).0;
+                if at > 0.0 && at <= LINE_CELLS * DX {
+                    let (mut batch, mut found) = (Batch::<3, 1>::new(), [const { Vec::new() }; 3]);
+                    batch.add(0, (node, memory), &layout);
+                    batch.find(&solids, false, |_| 1..2, &mut found);
+                    for line in found[1].iter().filter(|line| line.normal.y < 0.0) {
+                        match solids.at_edge(line, node, 1) {
                             Some(edge) => edges.push(edge),
-                            None => lines.push(line),
+                            None => lines.push(*line),
                         }
                     }
                 }
             }
             let mut sum = 0.0;
             let mut act = |line: &Line<3>, places: &[usize], weights: &[f32]| {
-                let mut held = [[0.0; 4]; EDGE_NODES];
-                let mut all = [0.0; EDGE_NODES];
+                let mut held = LineNodes {
+                    values: [[0.0; 4]; EDGE_NODES],
+                    weights: [0.0; EDGE_NODES],
+                    is_elastic: false,
+                    friction: 0.0,
+                };
                 for (k, place) in places.iter().enumerate().filter(|(k, _)| weights[*k] > 0.0) {
-                    (held[k], all[k]) = (nodes[place], weights[k]);
+                    (held.values[k], held.weights[k]) = (nodes[place], weights[k]);
                 }
-                let found = line.act((&mut held, &all), false, &solids, |_| 0.0);
-                sum -= found.expect("it touches").0.y;
+                sum -= line.act(&mut held, &solids).expect("it touches").0.y;
                 for (k, place) in places.iter().enumerate().filter(|(k, _)| weights[*k] > 0.0) {
-                    nodes.insert(*place, held[k]);
+                    nodes.insert(*place, held.values[k]);
                 }
             };
             for line in &lines {
@@ -184,7 +200,7 @@ mod tests {
                 act(line, &places, &weights);
             }
             for edge in &edges {
-                let (places, weights) = edge.nodes::<EDGE_NODES>();
+                let (places, weights) = edge.nodes();
                 act(&edge.line, &places, &weights);
             }
             let area = 4.0 * half[0] * half[2];
@@ -210,11 +226,6 @@ mod tests {
     #[test]
     fn nodes_are_filled_by_the_volume_of_a_body() {
         let layout = Layout::<3>::unit(16);
-        let contact = Contact {
-            kind: ContactKind::Separating,
-            friction: None,
-        };
-        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
         let (up, radius) = (Vector::<3>::y() * (2.7 * DX), 3.1 * DX);
         let cylinder = Shape::Cylinder {
             start: -up,
@@ -233,7 +244,7 @@ mod tests {
             (ball, 0.0, disc * 3.1 * 4.0 / 3.0),
         ] {
             let pose = pose(Vector::<3>::new(8.2, 7.9, 8.45) * DX, turn);
-            let solids = Obstacles::with_bodies(Vec::new(), &[(shape, pose)], &walls, &layout);
+            let solids = Obstacles::with_bodies(Vec::new(), &[(shape, pose)], &walls(), &layout);
             let fill = |number: usize| {
                 solids.fill([number / 256, number / 16 % 16, number % 16].map(|k| k + 3))
             };

@@ -4,28 +4,20 @@
 //! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
 //! cell, and would let material at rest sink.
 
-use super::buckets::Buckets;
 use super::contact::ContactKind;
-use super::motion::Pose;
 use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
+use super::solids::Solids;
 use super::touch::{Touch, touching};
-use crate::grid::{Layout, SMALLEST_MASS, spline};
+use crate::grid::{SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
 /// Distance from a surface within which a node begins lines across it [cells].
 pub const LINE_CELLS: f32 = 1.01;
-/// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
-/// wider than it is, as lines are a cell apart, and what flows beside it would be held.
-const INSET: f32 = 0.1;
-/// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
-const BODY_INSET: f32 = 0.005;
 /// How far from a surface its two sides are looked at [cells].
-const BESIDE: f32 = 0.25;
+pub const BESIDE: f32 = 0.25;
 /// Distance that counts as none [cells].
-pub(super) const ON_SURFACE: f32 = 1.0e-3;
-/// Most steps towards a surface; each leaves a fraction of the distance that was left.
-pub(super) const MOST_STEPS: usize = 12;
+pub const ON_SURFACE: f32 = 1.0e-3;
 
 /// A line of three nodes across a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +38,17 @@ pub struct Line<const D: usize> {
     pub x: Vector<D>,
 }
 
+/// The nodes of a line as one body has them: the outer, middle and inner one, and at edges those of columns beside (see `edge`).
+pub struct LineNodes<const N: usize> {
+    /// Velocity and, in lane 3, mass; zero where there is none.
+    pub values: [[f32; 4]; N],
+    /// At the surface.
+    pub weights: [f32; N],
+    pub is_elastic: bool,
+    /// Coulomb coefficient of the material [-].
+    pub friction: f32,
+}
+
 /// A line at which material touches a rigid body or is about to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Probe<const D: usize> {
@@ -63,159 +66,12 @@ pub struct Probe<const D: usize> {
     pub friction: f32,
 }
 
-/// Solids as they are now.
-#[derive(Clone, Copy)]
-pub struct Solids<'a, const D: usize> {
-    pub list: &'a [Obstacle<D>],
-    /// Rigid bodies, which end the list: the distance that each reaches from its centre [m].
-    pub reaches: &'a [f32],
-    /// Empty where all are at rest.
-    pub poses: &'a [Option<Pose<D>>],
-    /// Where rigid bodies are looked for; None without any.
-    pub buckets: Option<&'a Buckets<D>>,
-    pub layout: &'a Layout<D>,
-    /// Duration of the substep [s].
-    pub dt: f32,
-    /// Whether elastic bodies may touch them.
-    pub elastic: bool,
-}
-
-impl<'a, const D: usize> Solids<'a, D> {
-    pub fn pose(&self, index: usize) -> Option<&'a Pose<D>> {
-        self.poses.get(index)?.as_ref()
-    }
-
-    /// The numbers of all solids but rigid bodies, then of the rigid bodies that may be near to a point.
-    #[inline(always)]
-    pub fn near(&self, x: &Vector<D>) -> impl Iterator<Item = usize> + use<'a, D> {
-        let first = self.list.len() - self.reaches.len();
-        let bodies = self.buckets.map_or(&[][..], |buckets| buckets.at(x));
-        (0..first).chain(bodies.iter().map(|body| *body as usize))
-    }
-
-    /// Distance from a sharp edge within which lines are left out [cells].
-    pub(super) fn inset(&self, index: usize) -> f32 {
-        if index >= self.list.len() - self.reaches.len() {
-            BODY_INSET
-        } else {
-            INSET
-        }
-    }
-
-    /// Whether a point may lie inside of a solid: false for those far from a rigid body.
-    #[inline(always)]
-    pub fn may_contain(&self, index: usize, x: &Vector<D>) -> bool {
-        let first = self.list.len() - self.reaches.len();
-        index < first
-            || self.pose(index).is_none_or(|pose| {
-                let reach = self.reaches[index - first];
-                (x - pose.center()).norm_squared() <= reach * reach
-            })
-    }
-
-    pub(super) fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
-        self.list[index].distance_in(self.pose(index), x)
-    }
-
-    /// Finds the line along an axis from a node near an obstacle, whose distance and normal are given, up or down.
-    ///
-    /// It begins outside, or below one face of a concave corner: there another face goes on as a plane, as each of two solids does
-    /// where one stands on the other.
-    #[inline(always)]
-    pub fn line(
-        &self,
-        index: usize,
-        node: ([usize; D], usize),
-        (distance, normal): (f32, Vector<D>),
-        axis: usize,
-        inward: f32,
-    ) -> Option<Line<D>> {
-        // Most lines end here: without a call.
-        let left = distance / self.layout.dx();
-        let approach = -normal[axis] * inward;
-        let is_far = || !(approach > 0.0 && left / approach <= LINE_CELLS);
-        if left > ON_SURFACE && self.list[index].shape.is_convex() && is_far() {
-            return None;
-        }
-        self.line_from(index, node, (distance, normal), axis, inward)
-    }
-
-    #[inline(never)]
-    fn line_from(
-        &self,
-        index: usize,
-        node: ([usize; D], usize),
-        (distance, normal): (f32, Vector<D>),
-        axis: usize,
-        inward: f32,
-    ) -> Option<Line<D>> {
-        let dx = self.layout.dx();
-        let (node, memory) = node;
-        let is_convex = self.list[index].shape.is_convex();
-        let (mut start, mut left, mut normal) = (self.layout.position(node), distance / dx, normal);
-        let lift = if left > 0.0 {
-            Vector::zeros()
-        } else {
-            if is_convex || left <= -DEEP_CELLS || steepest(&normal) == Some(axis) {
-                return None;
-            }
-            normal * (BESIDE * dx - distance)
-        };
-        if left <= 0.0 {
-            start += lift;
-            let (distance, at) = self.distance(index, &start);
-            if distance <= 0.0 {
-                return None;
-            }
-            (left, normal) = (distance / dx, at);
-        }
-        let place = |t: f32| {
-            let mut place = start;
-            place[axis] += inward * t * dx;
-            place
-        };
-        // A step to the plane at the nearest point passes no surface of a convex solid; one as long as the distance passes none.
-        let mut t = 0.0;
-        for _ in 0..MOST_STEPS {
-            if left <= ON_SURFACE {
-                break;
-            }
-            let approach = if is_convex {
-                -normal[axis] * inward
-            } else {
-                1.0
-            };
-            t += left / approach;
-            if !(approach > 0.0 && t <= LINE_CELLS) {
-                return None;
-            }
-            let (distance, at) = self.distance(index, &place(t));
-            left = distance / dx;
-            // Inside of an edge the nearest face may be another one.
-            if left >= 0.0 {
-                normal = at;
-            }
-        }
-        // On the next node, up to rounding, where that does not begin the line itself.
-        if t > 2.0 - LINE_CELLS && self.distance(index, &place(1.0)).0 > 0.0 {
-            return None;
-        }
-        let t = t.min(1.0);
-        if left > ON_SURFACE || steepest(&normal) != Some(axis) {
-            return None;
-        }
-        let (depth, deep) = self.distance(index, &place(t + self.inset(index)));
-        let beside = (0..D).any(|other| other != axis && deep[other].abs() > deep[axis].abs());
-        if depth < 0.0 && beside {
-            return None;
-        }
-        self.line_across(index, (node, memory), (t, normal), (axis, inward), lift)
-    }
-
-    /// The line from a node that crosses a surface with this normal at `t` [cells]: from `lift` beside the node [m].
+impl<const D: usize> Solids<D> {
+    /// The line from a node that crosses a surface with this normal at `t` [cells]: from `lift` beside the node [m]. `elastic`
+    /// where elastic bodies may touch it.
     pub fn line_across(
         &self,
-        index: usize,
+        (index, elastic): (usize, bool),
         (node, memory): ([usize; D], usize),
         (t, normal): (f32, Vector<D>),
         (axis, inward): (usize, f32),
@@ -253,7 +109,7 @@ impl<'a, const D: usize> Solids<'a, D> {
             f64::from(normal[axis].abs()),
             self.list[index].contact.kind,
             f64::from(dx),
-            self.elastic,
+            elastic,
         );
         // From a node on the surface, up to rounding, one of the two lines leads outwards, and takes what is inside for outside.
         // What flows may meet it, as the other one holds it besides; an elastic body would be held up to a cell off.
@@ -306,14 +162,6 @@ pub fn lowest_start<const D: usize>(obstacle: &Obstacle<D>, dx: f32) -> f32 {
     }
 }
 
-/// The axis nearest to a normal; of two that are as near, the later one.
-fn steepest<const D: usize>(normal: &Vector<D>) -> Option<usize> {
-    (0..D).max_by(|a, b| {
-        let size = |axis: usize| normal[axis].abs() * (1.0 + 1.0e-3 * axis as f32);
-        size(*a).total_cmp(&size(*b))
-    })
-}
-
 impl<const D: usize> Line<D> {
     /// The same with its impulse at another place [m].
     pub(super) fn at(&self, x: Vector<D>) -> Self {
@@ -329,76 +177,70 @@ impl<const D: usize> Line<D> {
         )
     }
 
-    /// What the obstacle, a rigid body, is about to meet; None where nothing touches it. The first three of the nodes, which are
-    /// given with their weights, are those of the line.
+    /// Whether a body touches the solid here.
+    fn touch<const N: usize>(&self, nodes: &LineNodes<N>) -> Option<Touch> {
+        let [_, middle, inner] = [0, 1, 2].map(|k| nodes.values[k][3]);
+        let touching = self.touching[usize::from(nodes.is_elastic)];
+        let touches = middle > SMALLEST_MASS && touching.touches(middle, inner);
+        touches.then_some(touching)
+    }
+
+    /// What the solid, a rigid body, is about to meet; None where nothing touches it.
     pub fn probe<const N: usize>(
         &self,
-        (nodes, weights): (&[[f32; 4]; N], &[f32; N]),
-        is_elastic: bool,
-        solids: &Solids<'_, D>,
-        friction: impl Fn(f32) -> f32,
+        nodes: &LineNodes<N>,
+        solids: &Solids<D>,
     ) -> Option<Probe<D>> {
-        let mass = nodes.map(|node| node[3]);
-        let touching = self.touching[usize::from(is_elastic)];
-        if mass[1] <= SMALLEST_MASS || !touching.touches(mass[1], mass[2]) {
-            return None;
-        }
+        let touching = self.touch(nodes)?;
         let (mut total, mut held) = (0.0, 0.0);
         let mut u = Vector::<D>::zeros();
-        for k in 0..N {
-            let weight = weights[k];
-            if mass[k] > SMALLEST_MASS {
-                total += weight * weight / mass[k];
+        for (node, weight) in nodes.values.iter().zip(nodes.weights) {
+            if node[3] > SMALLEST_MASS {
+                total += weight * weight / node[3];
                 held += weight;
-                u += Vector::from_fn(|axis, _| nodes[k][axis] * weight);
+                u += Vector::from_fn(|axis, _| node[axis] * weight);
             }
         }
         u /= held;
-        let surface = (solids.pose(self.obstacle as usize))
-            .map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
+        let surface = solids.velocity(self.obstacle as usize, &self.x);
         let approach = held * (surface - u).dot(&self.normal);
-        let is_fast = approach > touching.resting_speed(solids.dt);
+        let closing = if approach > touching.resting_speed(solids.dt) {
+            touching.closing(nodes.values[1][3], nodes.values[2][3], solids.dt) / held
+        } else {
+            0.0
+        };
         Some(Probe {
             body: self.obstacle,
             x: self.x,
             normal: self.normal,
             u,
             mass: held * held / total,
-            closing: if is_fast {
-                touching.closing(mass[1], mass[2], solids.dt) / held
-            } else {
-                0.0
-            },
-            friction: friction(mass[1]),
+            closing,
+            friction: nodes.friction,
         })
     }
 
-    /// Lets the obstacle act on velocities and masses of the nodes, and returns its impulse [kg m/s] and the work that it does
-    /// [J]; None where nothing touches it. `friction` returns that of the material from the mass of the middle node.
+    /// Lets the solid act on the velocities of a body's nodes, and returns its impulse [kg m/s] and the work that it does [J];
+    /// None where nothing touches it.
     pub fn act<const N: usize>(
         &self,
-        (nodes, weights): (&mut [[f32; 4]; N], &[f32; N]),
-        is_elastic: bool,
-        solids: &Solids<'_, D>,
-        friction: impl Fn(f32) -> f32,
+        nodes: &mut LineNodes<N>,
+        solids: &Solids<D>,
     ) -> Option<(Vector<D>, f64)> {
-        let mut mass = nodes.map(|node| node[3]);
-        let touching = self.touching[usize::from(is_elastic)];
-        if mass[1] <= SMALLEST_MASS || !touching.touches(mass[1], mass[2]) {
-            return None;
-        }
-        let pose = solids.pose(self.obstacle as usize);
-        let surface = pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(&self.x));
+        let touching = self.touch(nodes)?;
+        let (values, weights) = (&mut nodes.values, &nodes.weights);
+        let mut mass = values.map(|node| node[3]);
+        let surface = solids.velocity(self.obstacle as usize, &self.x);
         let contact = solids.list[self.obstacle as usize].contact;
         let mut impulse = Vector::<D>::zeros();
         let is_light = mass[0] * weights[1] < mass[1] * weights[0];
         if contact.kind != ContactKind::Separating && is_light && mass[0] > SMALLEST_MASS {
             // An outer node that is lighter than its weight would take most of the change, and material would creep off by a
             // quarter of a cell before it is held. It stays with the surface, as an empty one does.
-            let v = Vector::from_fn(|axis, _| nodes[0][axis]);
+            let v = Vector::from_fn(|axis, _| values[0][axis]);
             let gain = contact.resolve(&(v - surface), &self.normal, 0.0) + surface - v;
             for axis in 0..D {
-                nodes[0][axis] += gain[axis];
+                values[0][axis] += gain[axis];
             }
             impulse = gain * mass[0];
             mass[0] = 0.0;
@@ -410,7 +252,7 @@ impl<const D: usize> Line<D> {
             if mass[k] > SMALLEST_MASS {
                 mobility[k] = weight / mass[k];
                 total += mobility[k] * weight;
-                u += Vector::from_fn(|axis, _| nodes[k][axis] * weight);
+                u += Vector::from_fn(|axis, _| values[k][axis] * weight);
             } else {
                 missing += weight;
             }
@@ -421,12 +263,12 @@ impl<const D: usize> Line<D> {
         if relative.dot(&self.normal) < -touching.resting_speed(solids.dt) {
             relative += self.normal * touching.closing(mass[1], mass[2], solids.dt);
         }
-        let after = contact.resolve(&relative, &self.normal, friction(mass[1]));
+        let after = contact.resolve(&relative, &self.normal, nodes.friction);
         let change = (after - relative) / total;
         for k in 0..N {
             for axis in 0..D {
                 let gain = change[axis] * mobility[k];
-                nodes[k][axis] += gain;
+                values[k][axis] += gain;
                 impulse[axis] += gain * mass[k];
             }
         }

@@ -1,7 +1,7 @@
 //! Prescribed rigid motion of obstacles.
 
 use crate::error::MpmError;
-use crate::linalg::{LANES, Lanes, Matrix, Vector};
+use crate::linalg::{Matrix, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Motion back and forth instead of on and on.
@@ -207,10 +207,10 @@ impl<const D: usize> Pose<D> {
 
     /// The same of several points, with the same operations.
     #[inline(always)]
-    pub fn all_at_start(&self, x: &[Lanes; D]) -> [Lanes; D] {
-        let mut at_start = [[0.0; LANES]; D];
+    pub fn all_at_start<const N: usize>(&self, x: &[[f32; N]; D]) -> [[f32; N]; D] {
+        let mut at_start = [[0.0; N]; D];
         for row in 0..D {
-            for i in 0..LANES {
+            for i in 0..N {
                 let part =
                     |axis: usize| self.rotation[(axis, row)] * (x[axis][i] - self.center[axis]);
                 let turned = (1..D).fold(part(0), |sum, axis| sum + part(axis));
@@ -232,10 +232,10 @@ impl<const D: usize> Pose<D> {
 
     /// The same of several directions, with the same operations.
     #[inline(always)]
-    pub fn turn_all(&self, directions: &[Lanes; D]) -> [Lanes; D] {
-        let mut turned = [[0.0; LANES]; D];
+    pub fn turn_all<const N: usize>(&self, directions: &[[f32; N]; D]) -> [[f32; N]; D] {
+        let mut turned = [[0.0; N]; D];
         for row in 0..D {
-            for i in 0..LANES {
+            for i in 0..N {
                 let part = |axis: usize| self.rotation[(row, axis)] * directions[axis][i];
                 turned[row][i] = (1..D).fold(part(0), |sum, axis| sum + part(axis));
             }

@@ -2,7 +2,7 @@
 
 use wide::f32x4;
 
-use crate::grid::{Layout, SMALLEST_MASS};
+use crate::grid::Layout;
 use crate::linalg::Vector;
 
 /// Wall friction of the material at a node: one number, or the mass-weighted mean of several.
@@ -29,13 +29,8 @@ pub(super) const BAND_CELLS: f32 = 4.0;
 /// An obstacle acts on nodes that lie this deep inside besides its surface: they belong to no line across it [cells].
 pub(super) const DEEP_CELLS: f32 = 1.5;
 
-/// Whether an obstacle acts on a node at this distance, and not only at its surface.
-pub(super) fn acts_at<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
-    distance <= -DEEP_CELLS * layout.dx() && distance > -BAND_CELLS * layout.dx()
-}
-
-/// The same of any node whose distance differs by at most `moved` [m].
-pub(super) fn may_act_at<const D: usize>(distance: f32, moved: f32, layout: &Layout<D>) -> bool {
+/// Whether an obstacle acts on a node at a distance that differs by at most `moved` [m] from this, and not only at its surface.
+pub(super) fn acts_at<const D: usize>(distance: f32, moved: f32, layout: &Layout<D>) -> bool {
     distance - moved <= -DEEP_CELLS * layout.dx() && distance + moved > -BAND_CELLS * layout.dx()
 }
 
@@ -60,17 +55,13 @@ pub(super) enum Nearness {
     Now,
 }
 
-/// Changes the velocity of a node that has mass, and returns the impulse that did it [kg m/s].
+/// Changes the velocity of a node, which has mass, and returns the impulse that did it [kg m/s].
 pub(super) fn change_velocity<const D: usize>(
     node: &mut f32x4,
     change: impl Fn(&Vector<D>, f32) -> Vector<D>,
 ) -> Vector<D> {
     let lanes = node.as_mut_array();
-    let mass = lanes[3];
-    if mass <= SMALLEST_MASS {
-        return Vector::zeros();
-    }
-    let v = Vector::from_fn(|axis, _| lanes[axis]);
+    let (v, mass) = (Vector::from_fn(|axis, _| lanes[axis]), lanes[3]);
     let changed = change(&v, mass);
     lanes[..D].copy_from_slice(changed.as_slice());
     (changed - v) * mass

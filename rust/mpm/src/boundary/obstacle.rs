@@ -2,9 +2,9 @@
 
 use super::contact::{Contact, ContactKind, Walls};
 use super::motion::{Motion, Pose};
-use super::shape::{Shape, farthest_corner};
+use super::shape::{Distances, Shape, farthest_corner, one, the_one};
 use crate::error::MpmError;
-use crate::linalg::{Lanes, Vector};
+use crate::linalg::Vector;
 use serde::{Deserialize, Serialize};
 
 /// A face counts as on a wall up to this distance from it [lengths of the world].
@@ -124,21 +124,35 @@ impl<const D: usize> Obstacle<D> {
 
     /// Signed distance and unit normal in the world.
     pub(super) fn distance_in(&self, pose: Option<&Pose<D>>, x: &Vector<D>) -> (f32, Vector<D>) {
-        let Some(pose) = pose else {
-            return self.shape.distance(x);
-        };
-        let (distance, normal) = self.shape.distance(&pose.at_start(x));
-        (distance, pose.turn(&normal))
+        let ([distance], normal) = self.distances(pose, &one(x));
+        (distance, the_one(&normal))
     }
 
-    /// The same for several points, with the same operations.
+    /// The same for several points. The bits of each do not depend on their number.
     #[inline(always)]
-    pub(super) fn distances(&self, pose: Option<&Pose<D>>, x: &[Lanes; D]) -> (Lanes, [Lanes; D]) {
+    pub(super) fn distances<const N: usize>(
+        &self,
+        pose: Option<&Pose<D>>,
+        x: &[[f32; N]; D],
+    ) -> Distances<D, N> {
         let Some(pose) = pose else {
             return self.shape.distances(x);
         };
         let (distances, normals) = self.shape.distances(&pose.all_at_start(x));
         (distances, pose.turn_all(&normals))
+    }
+
+    /// Whether points may lie inside; false tells that they do not.
+    #[inline(always)]
+    pub(super) fn may_contain<const N: usize>(
+        &self,
+        pose: Option<&Pose<D>>,
+        x: &[[f32; N]; D],
+    ) -> [bool; N] {
+        match pose {
+            Some(pose) => self.shape.may_contain(&pose.all_at_start(x)),
+            None => self.shape.may_contain(x),
+        }
     }
 
     /// Signed distance and unit normal in the world of a point inside; None outside.
@@ -147,22 +161,12 @@ impl<const D: usize> Obstacle<D> {
         pose: Option<&Pose<D>>,
         x: &Vector<D>,
     ) -> Option<(f32, Vector<D>)> {
-        if let Shape::Surface(surface) = &self.shape
-            && !surface.may_contain(&pose.map_or(*x, |pose| pose.at_start(x)))
-        {
+        // A surface is asked first whether it need ask its facets.
+        if !self.shape.is_convex() && !self.may_contain(pose, &one(x))[0] {
             return None;
         }
         let found = self.distance_in(pose, x);
         (found.0 < 0.0).then_some(found)
-    }
-
-    /// Positive only for those of some points that lie outside; see `Shape::excess`.
-    #[inline(always)]
-    pub(super) fn excess(&self, pose: Option<&Pose<D>>, x: &[Lanes; D], slack: f32) -> Lanes {
-        match pose {
-            Some(pose) => self.shape.excess(&pose.all_at_start(x), slack),
-            None => self.shape.excess(x, slack),
-        }
     }
 
     /// Bound on the speed of those points of the solid that can touch material [m/s], in a world up to this corner.
@@ -172,24 +176,6 @@ impl<const D: usize> Obstacle<D> {
         };
         let everywhere = farthest_corner(&Vector::zeros(), corner, &pose.center());
         motion.speed(self.shape.reach(&motion.center()).min(everywhere))
-    }
-
-    /// Velocity after contact, at a point with this normal.
-    pub(super) fn resolve(
-        &self,
-        pose: Option<&Pose<D>>,
-        x: &Vector<D>,
-        v: &Vector<D>,
-        normal: &Vector<D>,
-        friction: f32,
-    ) -> Vector<D> {
-        match pose {
-            None => self.contact.resolve(v, normal, friction),
-            Some(pose) => {
-                let surface = pose.velocity_at(x);
-                self.contact.resolve(&(v - surface), normal, friction) + surface
-            }
-        }
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Each slab of the grid has sums of its own, so that their order does not depend on threads.
 
-use super::edge::EdgeLine;
-use super::lines::{Line, Probe};
+use super::lines::Probe;
+use super::obstacle_contact::Found;
 use crate::linalg::Vector;
 
 /// An impulse and its moment about the origin.
@@ -52,10 +52,7 @@ pub struct Reactions<const D: usize> {
     pub bodies: Vec<Wrench<D>>,
     /// Where material touches rigid bodies.
     pub probes: Vec<Probe<D>>,
-    /// The lines across moving solids that this substep has found, by the axis along which they lie.
-    pub(super) lines: [Vec<Line<D>>; D],
-    /// The same of lines at edges of rigid bodies.
-    pub(super) edges: Vec<EdgeLine<D>>,
+    pub(super) found: Found<D>,
     /// Else nothing is added, but of rigid bodies.
     pub kept: bool,
 }
@@ -68,8 +65,7 @@ impl<const D: usize> Reactions<D> {
             obstacles: vec![Wrench::NONE; obstacles],
             bodies: vec![Wrench::NONE; bodies],
             probes: Vec::new(),
-            lines: std::array::from_fn(|_| Vec::new()),
-            edges: Vec::new(),
+            found: Found::default(),
             kept: true,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::surface::Surface;
 use crate::error::MpmError;
-use crate::linalg::{LANES, Lanes, Vector};
+use crate::linalg::Vector;
 use serde::{Deserialize, Serialize};
 
 /// Geometry of a solid [m].
@@ -136,45 +136,13 @@ impl<const D: usize> Shape<D> {
 
     /// Signed distance, negative inside, and the unit normal of the nearest surface point.
     pub fn distance(&self, x: &Vector<D>) -> (f32, Vector<D>) {
-        match self {
-            Self::Ball { center, radius } => distance_to_point(x, center, *radius),
-            Self::Segment {
-                start,
-                end,
-                thickness,
-            } => {
-                let along = end - start;
-                let t = ((x - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-                distance_to_point(x, &(start + along * t), 0.5 * thickness)
-            }
-            Self::Cylinder { start, end, radius } => distance_to_cylinder(x, start, end, *radius),
-            Self::HalfSpace { point, normal } => ((x - point).dot(normal), *normal),
-            Self::Surface(surface) => surface.distance(x),
-            Self::Box { lower, upper } => {
-                let nearest = Vector::from_fn(|axis, _| x[axis].clamp(lower[axis], upper[axis]));
-                let outside = x - nearest;
-                let distance = outside.norm();
-                if distance > 0.0 {
-                    return (distance, outside / distance);
-                }
-                let (mut depth, mut axis, mut sign) = (f32::NEG_INFINITY, 0, 1.0);
-                for a in 0..D {
-                    for (face, side) in [(lower[a] - x[a], -1.0), (x[a] - upper[a], 1.0)] {
-                        if face > depth {
-                            (depth, axis, sign) = (face, a, side);
-                        }
-                    }
-                }
-                let mut normal = Vector::zeros();
-                normal[axis] = sign;
-                (depth, normal)
-            }
-        }
+        let ([distance], normal) = self.distances(&one(x));
+        (distance, the_one(&normal))
     }
 
-    /// The same for several points, with the same operations.
+    /// The same for several points. The bits of each do not depend on their number.
     #[inline(always)]
-    pub fn distances(&self, x: &[Lanes; D]) -> (Lanes, [Lanes; D]) {
+    pub fn distances<const N: usize>(&self, x: &[[f32; N]; D]) -> Distances<D, N> {
         match self {
             Self::Ball { center, radius } => {
                 each_distance(x, |x| to_point(sub(x, center), *radius))
@@ -197,10 +165,10 @@ impl<const D: usize> Shape<D> {
                 let (along, middle) = ((end - start) / length, (start + end) * 0.5);
                 each_distance(x, |x| to_cylinder(sub(x, &middle), &along, length, *radius))
             }
-            Self::HalfSpace { point, normal } => each_distance(x, |x| {
+            Self::HalfSpace { point, normal } => {
                 let upward = std::array::from_fn(|axis| normal[axis]);
-                (dot(&sub(x, point), normal), upward)
-            }),
+                each_distance(x, |x| (dot(&sub(x, point), normal), upward))
+            }
             Self::Box { lower, upper } => each_distance(x, |x| to_box(x, lower, upper)),
             Self::Surface(surface) => each_distance(x, |x| {
                 let (distance, normal) = surface.distance(&Vector::from(x));
@@ -209,82 +177,38 @@ impl<const D: usize> Shape<D> {
         }
     }
 
-    /// A number for each of some points, positive only for those outside; most of those by more than `slack` [m], which has to
-    /// exceed rounding, have a positive one.
+    /// Whether points may lie inside; false tells that they do not.
     #[inline(always)]
-    pub fn excess(&self, x: &[Lanes; D], slack: f32) -> Lanes {
-        match self {
-            Self::Ball { center, radius } => each_lane(x, |x| {
-                squared(sub(x, center)) - (radius + slack) * (radius + slack)
-            }),
-            Self::Segment {
-                start,
-                end,
-                thickness,
-            } => {
-                let (along, radius) = (end - start, 0.5 * thickness + slack);
-                let per_length = along / along.norm_squared();
-                each_lane(x, |x| {
-                    let away = sub(x, start);
-                    let t = dot(&away, &per_length).clamp(0.0, 1.0);
-                    squared(beside(&away, &along, t)) - radius * radius
-                })
-            }
-            Self::Cylinder { start, end, radius } => {
-                let (middle, length) = ((start + end) * 0.5, (end - start).norm());
-                let (along, radius) = ((end - start) / length, radius + slack);
-                let half = 0.5 * length + slack;
-                each_lane(x, |x| {
-                    let away = sub(x, &middle);
-                    let height = dot(&away, &along);
-                    let away = squared(beside(&away, &along, height));
-                    (away - radius * radius).max(height.abs() - half)
-                })
-            }
-            Self::HalfSpace { point, normal } => {
-                each_lane(x, |x| dot(&sub(x, point), normal) - slack)
-            }
-            Self::Box { lower, upper } => excess_of_box(x, lower, upper, slack),
-            Self::Surface(surface) => {
-                let [lower, upper] = surface.bounds();
-                excess_of_box(x, &lower, &upper, slack)
-            }
+    pub fn may_contain<const N: usize>(&self, x: &[[f32; N]; D]) -> [bool; N] {
+        if let Self::Surface(surface) = self {
+            let point = |i: usize| Vector::from_fn(|axis, _| x[axis][i]);
+            return std::array::from_fn(|i| surface.may_contain(&point(i)));
         }
+        self.distances(x).0.map(|distance| distance < 0.0)
     }
 }
 
-/// See `Shape::excess`.
-#[inline(always)]
-fn excess_of_box<const D: usize>(
-    x: &[Lanes; D],
-    lower: &Vector<D>,
-    upper: &Vector<D>,
-    slack: f32,
-) -> Lanes {
-    each_lane(x, |x| {
-        let beyond = |axis: usize| (lower[axis] - x[axis]).max(x[axis] - upper[axis]);
-        (1..D).fold(beyond(0), |most, axis| most.max(beyond(axis))) - slack
-    })
+/// Signed distances of points [m], and by axis the normals.
+pub type Distances<const D: usize, const N: usize> = ([f32; N], [[f32; N]; D]);
+
+/// A vector as the only one of several.
+pub fn one<const D: usize>(x: &Vector<D>) -> [[f32; 1]; D] {
+    std::array::from_fn(|axis| [x[axis]])
 }
 
-/// A number of each point.
-#[inline(always)]
-fn each_lane<const D: usize>(x: &[Lanes; D], number: impl Fn([f32; D]) -> f32) -> Lanes {
-    let mut numbers = [0.0; LANES];
-    for i in 0..LANES {
-        numbers[i] = number(std::array::from_fn(|axis| x[axis][i]));
-    }
-    numbers
+/// The only one of several vectors.
+pub fn the_one<const D: usize>(all: &[[f32; 1]; D]) -> Vector<D> {
+    Vector::from_fn(|axis, _| all[axis][0])
 }
 
 /// Distance and normal of each point.
 #[inline(always)]
-fn each_distance<const D: usize>(
-    x: &[Lanes; D],
+fn each_distance<const D: usize, const N: usize>(
+    x: &[[f32; N]; D],
     of: impl Fn([f32; D]) -> (f32, [f32; D]),
-) -> (Lanes, [Lanes; D]) {
-    let (mut distances, mut normals) = ([0.0; LANES], [[0.0; LANES]; D]);
-    for i in 0..LANES {
+) -> Distances<D, N> {
+    let (mut distances, mut normals) = ([0.0; N], [[0.0; N]; D]);
+    for i in 0..N {
         let (distance, normal) = of(std::array::from_fn(|axis| x[axis][i]));
         distances[i] = distance;
         for axis in 0..D {
@@ -390,49 +314,6 @@ pub fn farthest_corner<const D: usize>(lower: &Vector<D>, upper: &Vector<D>, x: 
     .norm()
 }
 
-/// Signed distance to a cylinder with flat ends, and the normal of the nearest surface point.
-fn distance_to_cylinder<const D: usize>(
-    x: &Vector<D>,
-    start: &Vector<D>,
-    end: &Vector<D>,
-    radius: f32,
-) -> (f32, Vector<D>) {
-    let length = (end - start).norm();
-    let along = (end - start) / length;
-    let from_middle = x - (start + end) * 0.5;
-    let height = from_middle.dot(&along);
-    // Past the side and past the nearer end; negative inside.
-    let (beside, outward) =
-        distance_to_point(&(from_middle - along * height), &Vector::zeros(), radius);
-    let beyond = height.abs() - 0.5 * length;
-    let cap = if height < 0.0 { -along } else { along };
-    if beside > 0.0 && beyond > 0.0 {
-        let edge = outward * beside + cap * beyond;
-        let distance = edge.norm();
-        return (distance, edge / distance);
-    }
-    if beside > beyond {
-        (beside, outward)
-    } else {
-        (beyond, cap)
-    }
-}
-
-fn distance_to_point<const D: usize>(
-    x: &Vector<D>,
-    center: &Vector<D>,
-    radius: f32,
-) -> (f32, Vector<D>) {
-    let away = x - center;
-    let distance = away.norm();
-    let up = Vector::from_fn(|axis, _| if axis == 1 { 1.0 } else { 0.0 });
-    // On the centre itself every direction is as good.
-    (
-        distance - radius,
-        if distance > 0.0 { away / distance } else { up },
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -472,66 +353,5 @@ mod tests {
             assert!((found - distance).abs() < 1e-6, "{x:?}: {found}");
             assert!((toward - Vector::<3>::from(normal)).norm() < 1e-5, "{x:?}");
         }
-    }
-
-    /// Solids of every kind that has an equation.
-    fn solids<const D: usize>() -> Vec<Shape<D>> {
-        let point = |at: [f32; 3]| Vector::<D>::from_fn(|axis, _| at[axis]);
-        let (lower, upper) = (point([0.3, 0.2, 0.4]), point([0.6, 0.45, 0.7]));
-        let (start, end) = (point([0.3, 0.3, 0.2]), point([0.6, 0.7, 0.5]));
-        vec![
-            Shape::Ball {
-                center: upper,
-                radius: 0.2,
-            },
-            Shape::Box { lower, upper },
-            Shape::Segment {
-                start,
-                end,
-                thickness: 0.02,
-            },
-            Shape::Cylinder {
-                start,
-                end,
-                radius: 0.01,
-            },
-            Shape::HalfSpace {
-                point: lower,
-                normal: (end - start).normalize(),
-            },
-        ]
-    }
-
-    fn check_excess<const D: usize>() {
-        let slack = 1.0e-5;
-        for (number, shape) in solids::<D>().into_iter().enumerate() {
-            let (mut inside, mut seed) = (0, 7_u32);
-            let mut random = || {
-                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                (seed >> 8) as f32 / (1 << 24) as f32
-            };
-            for _ in 0..4000 {
-                let mut x = [[0.0; LANES]; D];
-                x.iter_mut().flatten().for_each(|s| *s = random());
-                let excess = shape.excess(&x, slack);
-                for i in 0..LANES {
-                    let at = Vector::<D>::from_fn(|axis, _| x[axis][i]);
-                    let distance = shape.distance(&at).0;
-                    inside += usize::from(distance < 0.0);
-                    assert!(distance >= 0.0 || excess[i] <= 0.0, "{number} at {at}");
-                    assert!(
-                        distance < 4.0 * slack || excess[i] > 0.0,
-                        "{number} at {at}"
-                    );
-                }
-            }
-            assert!(inside > 0, "{number}");
-        }
-    }
-
-    #[test]
-    fn what_lies_outside_by_more_than_the_slack_is_told_from_what_lies_inside() {
-        check_excess::<2>();
-        check_excess::<3>();
     }
 }

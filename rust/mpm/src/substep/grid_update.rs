@@ -1,11 +1,9 @@
 //! Grid momentum to velocity, with gravity, contact between bodies, obstacles and walls (Hu et al. 2018, eq. 21).
 
-use std::ops::Range;
-
 use wide::f32x4;
 
 use super::meeting::Meeting;
-use crate::boundary::{Lines, MaterialFriction, Obstacles, Reactions, WallContact};
+use crate::boundary::{ContactNodes, Lines, MaterialFriction, Obstacles, WallContact};
 use crate::grid::{CHUNK, FieldMap, FieldWindow, Layout, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
 
@@ -42,74 +40,46 @@ pub fn accelerate_nodes<const D: usize>(
     }
 }
 
-/// Finds what rigid bodies are about to meet on lines that begin in some planes of the window: along the first axis, and others.
-pub fn probe<const D: usize>(
-    window: &mut Window<'_, D>,
-    mut fields: Option<FieldWindow<'_, D>>,
-    kinds: FieldMap<'_>,
-    forces: &GridForces<'_, D>,
-    planes: [Range<usize>; 2],
-    reactions: &mut Reactions<D>,
-) {
-    let friction = &forces.material_friction;
-    (forces.obstacles).probe(window, &mut fields, kinds, friction, planes, reactions);
-}
-
 /// Turns the momentum of a window of planes into the velocity at the end of a substep, independently of other
 /// planes. Returns the work of moving obstacles there [J]. Lines across surfaces along the first axis are left to `across`
 /// where obstacles have some.
 pub fn grid_update<const D: usize>(
-    window: &mut Window<'_, D>,
-    mut fields: Option<FieldWindow<'_, D>>,
-    kinds: FieldMap<'_>,
+    nodes: &mut ContactNodes<'_, D>,
     forces: &GridForces<'_, D>,
-    reactions: &mut Reactions<D>,
 ) -> f64 {
     if !forces.bodies {
-        accelerate_nodes(window, &mut fields, kinds, forces);
+        accelerate_nodes(&mut nodes.window, &mut nodes.fields, nodes.kinds, forces);
     }
-    let friction = &forces.material_friction;
-    let work = (forces.obstacles).apply(window, &mut fields, kinds, friction, reactions);
+    let work = forces.obstacles.apply(nodes);
     let axes: &[bool] = if forces.obstacles.act_across() {
         &[false]
     } else {
         &[false, true]
     };
-    act_by_walls(window, fields, kinds, forces, axes, reactions);
+    act_by_walls(nodes, forces, axes);
     work
-}
-
-/// Contact on lines along the first axis: with obstacles on lines that begin in some planes of the window, the first of these; the
-/// second are those that `grid_update` has had, or `probe`.
-pub fn act_across<const D: usize>(
-    window: &mut Window<'_, D>,
-    mut fields: Option<FieldWindow<'_, D>>,
-    kinds: FieldMap<'_>,
-    forces: &GridForces<'_, D>,
-    planes: [Range<usize>; 2],
-    reactions: &mut Reactions<D>,
-) -> f64 {
-    let friction = &forces.material_friction;
-    (forces.obstacles).apply_across(window, &mut fields, kinds, friction, planes, reactions)
 }
 
 /// Contact with walls, with those across the first axis, the others, or one after the other.
 pub fn act_by_walls<const D: usize>(
-    window: &mut Window<'_, D>,
-    fields: Option<FieldWindow<'_, D>>,
-    kinds: FieldMap<'_>,
+    nodes: &mut ContactNodes<'_, D>,
     forces: &GridForces<'_, D>,
     across_first: &[bool],
-    reactions: &mut Reactions<D>,
 ) {
-    let friction = &forces.material_friction;
+    let ContactNodes {
+        window,
+        fields,
+        kinds,
+        friction,
+        reactions,
+    } = nodes;
     let lines = Lines {
         own: None,
         across_first,
         dt: forces.dt,
     };
     forces.walls.apply(window, friction, lines, reactions);
-    let Some(mut fields) = fields else { return };
+    let Some(fields) = fields else { return };
     if !forces.walls.has_shared_lines(window) {
         return;
     }
@@ -121,7 +91,7 @@ pub fn act_by_walls<const D: usize>(
         let own = Some(kinds.is_elastic(fields.slots[slots[0]].field));
         for there in [true, false] {
             for &slot in slots {
-                swap(window, &mut fields, slot);
+                swap(window, fields, slot);
                 window.dirty[fields.slots[slot].chunk as usize - window.first / CHUNK] = there;
             }
             if there {

@@ -5,12 +5,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::g2p::{Nodes, Outcome, OwnView, Solids, Time, g2p};
-use super::grid_update::{
-    GridForces, accelerate_nodes, act_across, act_by_walls, grid_update, probe,
-};
+use super::grid_update::{GridForces, accelerate_nodes, act_by_walls, grid_update};
 use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
-use crate::boundary::{Bounds, Reactions};
+use crate::boundary::{Bounds, ContactNodes, Reactions};
 use crate::grid::{FieldView, FieldWindow, Grid, View, Window};
 use crate::linalg::exp;
 use crate::material::Constitutive;
@@ -188,45 +186,45 @@ impl<const D: usize> Substep<'_, D> {
                     let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
                     accelerate_nodes(window, &mut { fields }, grid.fields.map(), &self.forces);
                 }
-                (Stage::Probe, ..) => {
-                    let kinds = grid.fields.map();
-                    let band = bands[slab].clone();
-                    let planes = [planes_across(&bands, slab), band.clone()];
-                    let reach = reach.start..reach.end.max(band.end);
-                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
-                    let window = &mut unsafe { grid.window(reach.clone()) };
-                    // SAFETY: as above.
-                    let fields = meet.then(|| unsafe { grid.fields.window(reach) });
-                    let reactions = &mut unlocked(&reactions[slab]);
-                    probe(window, fields, kinds, &self.forces, planes, reactions);
-                }
                 (Stage::GridUpdate, ..) => {
-                    // SAFETY: bands of slabs are disjoint.
-                    let window = &mut unsafe { grid.window(bands[slab].clone()) };
-                    // SAFETY: as above.
-                    let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
-                    let kinds = grid.fields.map();
-                    let reactions = &mut unlocked(&reactions[slab]);
-                    let work = grid_update(window, fields, kinds, &self.forces, reactions);
+                    let band = bands[slab].clone();
+                    let mut nodes = ContactNodes {
+                        // SAFETY: bands of slabs are disjoint.
+                        window: unsafe { grid.window(band.clone()) },
+                        // SAFETY: as above.
+                        fields: meet.then(|| unsafe { grid.fields.window(band) }),
+                        kinds: grid.fields.map(),
+                        friction: &self.forces.material_friction,
+                        reactions: &mut unlocked(&reactions[slab]),
+                    };
+                    let work = grid_update(&mut nodes, &self.forces);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                 }
-                (Stage::Across, ..) => {
-                    let kinds = grid.fields.map();
+                (stage @ (Stage::Probe | Stage::Across), ..) => {
                     let band = bands[slab].clone();
                     let planes = [planes_across(&bands, slab), band.clone()];
                     let reach = reach.start..reach.end.max(band.end);
-                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
-                    let window = &mut unsafe { grid.window(reach.clone()) };
-                    // SAFETY: as above.
-                    let fields = meet.then(|| unsafe { grid.fields.window(reach) });
-                    let (forces, reactions) = (&self.forces, &mut unlocked(&reactions[slab]));
-                    let work = act_across(window, fields, kinds, forces, planes, reactions);
+                    let mut nodes = ContactNodes {
+                        // SAFETY: concurrent slabs have one colour, and so no plane in common.
+                        window: unsafe { grid.window(reach.clone()) },
+                        // SAFETY: as above.
+                        fields: meet.then(|| unsafe { grid.fields.window(reach) }),
+                        kinds: grid.fields.map(),
+                        friction: &self.forces.material_friction,
+                        reactions: &mut unlocked(&reactions[slab]),
+                    };
+                    let obstacles = self.forces.obstacles;
+                    if stage == Stage::Probe {
+                        obstacles.probe(&mut nodes, planes);
+                        return;
+                    }
+                    let work = obstacles.apply_across(&mut nodes, planes);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                     // SAFETY: as above, and the windows before are no longer in use.
-                    let window = &mut unsafe { grid.window(band.clone()) };
+                    nodes.window = unsafe { grid.window(band.clone()) };
                     // SAFETY: as above.
-                    let fields = meet.then(|| unsafe { grid.fields.window(band) });
-                    act_by_walls(window, fields, kinds, forces, &[true], reactions);
+                    nodes.fields = meet.then(|| unsafe { grid.fields.window(band) });
+                    act_by_walls(&mut nodes, &self.forces, &[true]);
                 }
                 (Stage::G2p, part, parts) => {
                     // SAFETY: all slabs in reach only read in this stage.

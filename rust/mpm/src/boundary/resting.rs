@@ -1,0 +1,83 @@
+//! The nodes and lines on which obstacles at rest act, found once.
+
+use super::crossings::{Batch, MANY};
+use super::lines::lowest_start;
+use super::moving::search_row;
+use super::node::{Nearness, acts_at, reach_until_sort};
+use super::obstacles::{DeepNode, Obstacles};
+use crate::grid::PADDING;
+use crate::linalg::Vector;
+use std::ops::Range;
+use threads::interrupted;
+
+impl<const D: usize> Obstacles<D> {
+    pub(super) fn find_resting_nodes(&mut self) {
+        let (solids, layout) = (&self.solids, &self.solids.layout);
+        let rows_per_plane = layout.rows_per_plane();
+        self.near = vec![Nearness::Never; layout.row_count() * layout.row_length];
+        let (mut deep, mut batch) = (Vec::new(), Batch::<D, MANY>::new());
+        'all: for (index, obstacle) in solids.list.iter().enumerate() {
+            if solids.moves(index) {
+                continue;
+            }
+            let [planes, rows] = self.planes_and_rows(index);
+            for row in planes.flat_map(|plane| rows.clone().map(move |row| (plane, row))) {
+                if interrupted() {
+                    break 'all;
+                }
+                let row = row.0 * rows_per_plane + row.1;
+                let near = &mut self.near[row * layout.row_length..][..layout.columns()];
+                let mut node = layout.row_coordinates(row);
+                let found = |column: usize, distance: f32, normal: Vector<D>| {
+                    node[D - 1] = column;
+                    if acts_at(distance, 0.0, layout) {
+                        let (column, obstacle) = (column as u32, index as u32);
+                        let node = DeepNode {
+                            column,
+                            obstacle,
+                            normal,
+                        };
+                        deep.push((row, node));
+                    } else if distance > lowest_start(obstacle, layout.dx()) {
+                        if batch.ends_before(index) {
+                            batch.find(solids, true, |_| 0..D, &mut self.lines);
+                        }
+                        batch.add(index, (node, row * layout.row_length + column), layout);
+                    }
+                };
+                search_row((obstacle, None), layout, row, 0.0, near, found);
+            }
+        }
+        batch.find(solids, true, |_| 0..D, &mut self.lines);
+        for lines in &mut self.lines {
+            lines.sort_by_key(|line| (line.node, line.obstacle));
+        }
+        deep.sort_by_key(|(row, node)| (*row, node.column, node.obstacle));
+        self.deep.clear();
+        let mut deep = deep.into_iter().peekable();
+        for row in 0..layout.row_count() {
+            while let Some((_, node)) = deep.next_if(|(of, _)| *of == row) {
+                self.deep.nodes.push(node);
+            }
+            self.deep.end_row();
+        }
+    }
+
+    /// The planes, and the rows of each, in which what an obstacle may touch before the next sort can lie.
+    fn planes_and_rows(&self, index: usize) -> [Range<usize>; 2] {
+        let layout = &self.solids.layout;
+        let [lower, upper] = self.solids.list[index].shape.bounds();
+        let reach = reach_until_sort(layout);
+        let nodes = |axis: usize| {
+            // Solids may reach to infinity.
+            let farthest = layout.upper()[axis] + 1.0;
+            let resolution = layout.resolution as f32;
+            let cells = |x: f32| x.clamp(-1.0, farthest) * resolution + PADDING as f32;
+            let (lo, hi) = (cells(lower[axis] - reach), cells(upper[axis] + reach));
+            // Conversion saturates at zero.
+            let node = |cell: f32| (cell as usize).min(layout.extents[axis]);
+            node(lo.floor())..node(hi.ceil() + 1.0)
+        };
+        [nodes(0), if D == 3 { nodes(1) } else { 0..1 }]
+    }
+}
