@@ -58,11 +58,11 @@ impl<const D: usize> ContactNodes<'_, D> {
         mut change: impl FnMut(&mut LineNodes<N>, &mut Reactions<D>) -> bool,
     ) {
         let chunks = numbers.map(|node| node / CHUNK);
-        let map = self.fields.as_ref().map(FieldWindow::map);
-        let Some(map) = map.filter(|map| !map.is_one(chunks)) else {
-            let elastic = self.kinds.only_elastic(chunks[1]);
-            return self.of_body((numbers, weights), ([NodePlace::Grid; N], elastic), change);
-        };
+        let map = self.kinds;
+        if self.fields.is_none() || map.is_one(chunks) {
+            let body = ([NodePlace::Grid; N], map.only_elastic(chunks[1]));
+            return self.of_body((numbers, weights), body, change);
+        }
         for (k, chunk) in chunks.into_iter().enumerate() {
             for field in map.fields_of(chunk) {
                 let met = |chunk: &usize| map.fields_of(*chunk).any(|other| other == field);

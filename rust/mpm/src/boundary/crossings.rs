@@ -7,7 +7,7 @@
 use super::lines::{BESIDE, LINE_CELLS, Line, ON_SURFACE, lowest_start};
 use super::motion::Pose;
 use super::obstacle::Obstacle;
-use super::shape::{Distances, one};
+use super::shape::one;
 use super::solids::Solids;
 use crate::grid::Layout;
 use crate::linalg::{Kernel, LANES, Quad, Vector, run_wide};
@@ -100,11 +100,11 @@ impl<const D: usize, const N: usize> Batch<D, N> {
             let Some((lift, flat, (distance, normal))) = start(solids, index, &x) else {
                 continue;
             };
-            let at = ([distance], one(&normal));
+            let (left, normal) = ([distance / solids.layout.dx()], one(&normal));
             let alone = Candidates::new(solids, index, one(&(x + lift)), 1);
             for axis in axes(node.0[0]).filter(|axis| flat != Some(*axis)) {
                 for inward in [1.0, -1.0] {
-                    let crossing = alone.crossing(axis, inward, [true], at);
+                    let crossing = alone.crossing(axis, inward, [true], left, normal);
                     if let Some(crossing) = crossing.of(0) {
                         keep(node, axis, inward, crossing, lift);
                     }
@@ -182,8 +182,8 @@ impl<const D: usize, const N: usize> Crossings<D, N> {
 
     /// Distance along the axis [cells], and the normal there; None where there is no crossing.
     fn of(&self, lane: usize) -> Option<(f32, Vector<D>)> {
-        let normal = Vector::from_fn(|axis, _| self.normal[axis][lane]);
-        self.found[lane].then_some((self.t[lane], normal))
+        let normal = || Vector::from_fn(|axis, _| self.normal[axis][lane]);
+        self.found[lane].then(|| (self.t[lane], normal()))
     }
 }
 
@@ -200,16 +200,17 @@ impl<const D: usize, const N: usize> Kernel for Candidates<'_, D, N> {
     #[inline(always)]
     fn run<Q: Quad>(self) -> Self::Output {
         let mut crossings = [[Crossings::NONE; 2]; D];
-        let at = self.obstacle.distances(self.pose, &self.x);
-        let mut near = [false; N];
+        let (distance, normal) = self.obstacle.distances(self.pose, &self.x);
+        let (mut left, mut near) = ([0.0; N], [false; N]);
         for i in 0..N {
-            let distance = at.0[i];
-            near[i] = (distance > 0.0) & (distance <= LINE_CELLS * self.dx) & (i < self.count);
+            left[i] = distance[i] / self.dx;
+            near[i] =
+                (distance[i] > 0.0) & (distance[i] <= LINE_CELLS * self.dx) & (i < self.count);
         }
         if any(&near) {
             for (axis, both) in crossings.iter_mut().enumerate() {
                 for (crossing, inward) in both.iter_mut().zip([1.0, -1.0]) {
-                    *crossing = self.crossing(axis, inward, near, at);
+                    *crossing = self.crossing(axis, inward, near, left, normal);
                 }
             }
         }
@@ -245,16 +246,16 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
         places
     }
 
-    /// The crossings from those nodes that count, with their distances [m] and the normals there.
+    /// The crossings from those nodes that count, at distances `left` [cells], with the normals there.
     #[inline(always)]
     fn crossing(
         &self,
         axis: usize,
         inward: f32,
         mut found: [bool; N],
-        (distance, mut normal): Distances<D, N>,
+        mut left: [f32; N],
+        mut normal: [[f32; N]; D],
     ) -> Crossings<D, N> {
-        let mut left = distance.map(|distance| distance / self.dx);
         let mut t = [0.0; N];
         for _ in 0..MOST_STEPS {
             let mut goes_on = [false; N];

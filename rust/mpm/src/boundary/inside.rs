@@ -4,6 +4,8 @@ use super::obstacles::Obstacles;
 use super::wall_fill::cumulative;
 use crate::linalg::{LANES, Lanes, Vector};
 
+/// More than rounding changes a place by [lengths of the world].
+const SLACK: f32 = 1.0e-5;
 /// Distance from a node at which its spline ends [cells].
 const SPLINE_CELLS: f32 = 1.5;
 
@@ -21,9 +23,10 @@ impl<const D: usize> Obstacles<D> {
         if self.solids.has_bodies() {
             return [true; LANES];
         }
+        let slack = SLACK * self.solids.layout.upper().max();
         let mut may = [false; LANES];
         for (index, obstacle) in self.solids.list.iter().enumerate() {
-            let within = obstacle.may_contain(self.solids.pose(index), x);
+            let within = obstacle.may_contain(self.solids.pose(index), x, slack);
             for i in 0..LANES {
                 may[i] |= within[i];
             }

@@ -129,8 +129,7 @@ impl<const D: usize> Lattice<D> {
     /// Whether a point may lie inside; false only where a corner nearby is farther from the surface than from the point.
     pub fn may_contain(&self, x: &Vector<D>) -> bool {
         let Some((corner, within)) = self.cell(x) else {
-            let [lower, upper] = &self.bounds;
-            return (0..D).all(|axis| x[axis] >= lower[axis] && x[axis] <= upper[axis]);
+            return true;
         };
         if !self.rough[corner] {
             return self.height(corner, &within) < 0.0;

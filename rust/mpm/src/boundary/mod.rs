@@ -24,6 +24,7 @@ mod surface;
 mod touch;
 mod wall_contact;
 mod wall_fill;
+mod wall_lines;
 
 pub use bounds::Bounds;
 pub use contact::{Contact, ContactKind, Walls, remaining_slip};

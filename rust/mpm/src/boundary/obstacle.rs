@@ -142,16 +142,17 @@ impl<const D: usize> Obstacle<D> {
         (distances, pose.turn_all(&normals))
     }
 
-    /// Whether points may lie inside; false tells that they do not.
+    /// Whether points may lie inside; see `Shape::may_contain`.
     #[inline(always)]
     pub(super) fn may_contain<const N: usize>(
         &self,
         pose: Option<&Pose<D>>,
         x: &[[f32; N]; D],
+        slack: f32,
     ) -> [bool; N] {
         match pose {
-            Some(pose) => self.shape.may_contain(&pose.all_at_start(x)),
-            None => self.shape.may_contain(x),
+            Some(pose) => self.shape.may_contain(&pose.all_at_start(x), slack),
+            None => self.shape.may_contain(x, slack),
         }
     }
 
@@ -161,8 +162,9 @@ impl<const D: usize> Obstacle<D> {
         pose: Option<&Pose<D>>,
         x: &Vector<D>,
     ) -> Option<(f32, Vector<D>)> {
-        // A surface is asked first whether it need ask its facets.
-        if !self.shape.is_convex() && !self.may_contain(pose, &one(x))[0] {
+        if let Shape::Surface(surface) = &self.shape
+            && !surface.may_contain(&pose.map_or(*x, |pose| pose.at_start(x)))
+        {
             return None;
         }
         let found = self.distance_in(pose, x);

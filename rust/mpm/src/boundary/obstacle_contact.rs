@@ -6,41 +6,15 @@
 
 use super::contact_nodes::ContactNodes;
 use super::crossings::{Batch, MANY};
-use super::edge::EdgeLine;
 use super::lines::{LINE_CELLS, Line, lowest_start};
 use super::node::{MaterialFriction, acts_at, change_velocity};
 use super::obstacles::Obstacles;
-use super::reactions::Reactions;
+use super::reactions::{Found, Reactions};
 use crate::grid::{CHUNK, SMALLEST_MASS, Span};
 use crate::linalg::Vector;
 use std::mem::take;
 use std::ops::Range;
 use wide::f32x4;
-
-/// The lines across moving solids that a substep has found in some planes.
-#[derive(Debug, Clone)]
-pub struct Found<const D: usize> {
-    /// By the axis along which they lie.
-    lines: [Vec<Line<D>>; D],
-    /// Those at edges of rigid bodies, which are not among the others.
-    edges: Vec<EdgeLine<D>>,
-}
-
-impl<const D: usize> Default for Found<D> {
-    fn default() -> Self {
-        Self {
-            lines: std::array::from_fn(|_| Vec::new()),
-            edges: Vec::new(),
-        }
-    }
-}
-
-impl<const D: usize> Found<D> {
-    fn clear(&mut self) {
-        self.lines.iter_mut().for_each(Vec::clear);
-        self.edges.clear();
-    }
-}
 
 impl<const D: usize> Obstacles<D> {
     /// Whether there may be lines across surfaces that lie along the first axis.
@@ -158,8 +132,7 @@ impl<const D: usize> Obstacles<D> {
         let (solids, layout) = (&self.solids, &self.solids.layout);
         let (dx, moved) = (layout.dx(), movement.moved);
         let (window, elastic) = (&nodes.window, nodes.kinds.any_elastic());
-        let map = nodes.fields.as_ref().map(|fields| fields.map());
-        let shared = |chunk: usize| map.is_some_and(|map| map.is_shared(chunk));
+        let shared = |chunk: usize| nodes.fields.is_some() && nodes.kinds.is_shared(chunk);
         let mut batch = Batch::<D, MANY>::new();
         for span in window.active_in(planes) {
             let mut place = layout.row_coordinates(span.row);

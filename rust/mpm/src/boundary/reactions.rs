@@ -2,8 +2,8 @@
 //!
 //! Each slab of the grid has sums of its own, so that their order does not depend on threads.
 
-use super::lines::Probe;
-use super::obstacle_contact::Found;
+use super::edge::EdgeLine;
+use super::lines::{Line, Probe};
 use crate::linalg::Vector;
 
 /// An impulse and its moment about the origin.
@@ -133,6 +133,31 @@ impl<const D: usize> Reactions<D> {
                 .collect::<Vec<_>>()
         };
         rows.flat_map(row).collect()
+    }
+}
+
+/// The lines across moving solids that a substep has found in some planes.
+#[derive(Debug, Clone)]
+pub struct Found<const D: usize> {
+    /// By the axis along which they lie.
+    pub lines: [Vec<Line<D>>; D],
+    /// Those at edges of rigid bodies, which are not among the others.
+    pub edges: Vec<EdgeLine<D>>,
+}
+
+impl<const D: usize> Default for Found<D> {
+    fn default() -> Self {
+        Self {
+            lines: std::array::from_fn(|_| Vec::new()),
+            edges: Vec::new(),
+        }
+    }
+}
+
+impl<const D: usize> Found<D> {
+    pub fn clear(&mut self) {
+        self.lines.iter_mut().for_each(Vec::clear);
+        self.edges.clear();
     }
 }
 

@@ -177,15 +177,36 @@ impl<const D: usize> Shape<D> {
         }
     }
 
-    /// Whether points may lie inside; false tells that they do not.
+    /// Whether points may lie inside; false tells that they do not. `slack` is more than rounding changes a place by [m].
     #[inline(always)]
-    pub fn may_contain<const N: usize>(&self, x: &[[f32; N]; D]) -> [bool; N] {
-        if let Self::Surface(surface) = self {
-            let point = |i: usize| Vector::from_fn(|axis, _| x[axis][i]);
-            return std::array::from_fn(|i| surface.may_contain(&point(i)));
+    pub fn may_contain<const N: usize>(&self, x: &[[f32; N]; D], slack: f32) -> [bool; N] {
+        match self {
+            Self::Box { lower, upper } => are_within(x, [lower, upper], slack),
+            // Facets are asked for few points only.
+            Self::Surface(surface) => {
+                let [lower, upper] = surface.bounds();
+                are_within(x, [&lower, &upper], slack)
+            }
+            convex => convex.distances(x).0.map(|distance| distance < slack),
         }
-        self.distances(x).0.map(|distance| distance < 0.0)
     }
+}
+
+/// Whether points lie in a box that is larger by `slack` all around.
+#[inline(always)]
+fn are_within<const D: usize, const N: usize>(
+    x: &[[f32; N]; D],
+    [lower, upper]: [&Vector<D>; 2],
+    slack: f32,
+) -> [bool; N] {
+    let mut within = [true; N];
+    for axis in 0..D {
+        for i in 0..N {
+            let s = x[axis][i];
+            within[i] &= (lower[axis] - s <= slack) & (s - upper[axis] <= slack);
+        }
+    }
+    within
 }
 
 /// Signed distances of points [m], and by axis the normals.

@@ -25,6 +25,8 @@ const ROUNDING: f64 = 1.0e-6;
 #[derive(Clone)]
 pub struct Surface<const D: usize> {
     soup: Arc<Soup<D>>,
+    /// Lowest and highest corner of a box around it [m].
+    bounds: [Vector<D>; 2],
     search: Arc<Search>,
     /// Distances at the corners of a lattice; None before `prepared`.
     lattice: Option<Arc<Lattice<D>>>,
@@ -109,7 +111,10 @@ impl<const D: usize> Surface<D> {
     /// `soup` has facets.
     fn of(soup: Soup<D>) -> Self {
         let search = Search::of(&soup);
+        let none = [f32::INFINITY, f32::NEG_INFINITY].map(Vector::repeat);
+        let around = |[low, high]: [Vector<D>; 2], at: &Vector<D>| [low.inf(at), high.sup(at)];
         Self {
+            bounds: soup.vertices.iter().fold(none, around),
             soup: Arc::new(soup),
             search: Arc::new(search),
             lattice: None,
@@ -180,12 +185,7 @@ impl<const D: usize> Surface<D> {
 
     /// Lowest and highest corner of a box around the surface [m].
     pub fn bounds(&self) -> [Vector<D>; 2] {
-        let (low, high) = (f32::INFINITY, f32::NEG_INFINITY);
-        let mut bounds: [Vector<D>; 2] = [Vector::repeat(low), Vector::repeat(high)];
-        for vertex in &self.soup.vertices {
-            bounds = [bounds[0].inf(vertex), bounds[1].sup(vertex)];
-        }
-        bounds
+        self.bounds
     }
 
     /// Largest distance of a vertex from `center` [m].

@@ -12,14 +12,13 @@
 //! nodes. So the reach does not depend on that position. With a test for mass on a single node it would vary by up to a
 //! cell: material would stop at a third of a cell from one wall, and at one and a third from another.
 
-use super::contact::{Contact, ContactKind, Walls, remaining_slip};
+use super::contact::{Contact, Walls};
 use super::node::MaterialFriction;
-use super::reactions::{Reactions, Wrench};
+use super::reactions::Reactions;
 use super::touch::{Touch, touching};
-use crate::grid::{
-    ActiveSpans, CHUNK, Fields, Layout, PADDING, SMALLEST_MASS, Span, Window, spline,
-};
-use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
+use super::wall_lines::{ResolveLines, Wall};
+use crate::grid::{ActiveSpans, CHUNK, Fields, Layout, PADDING, Span, Window, spline};
+use crate::linalg::run_wide;
 
 /// Which lines across walls to change.
 #[derive(Debug, Clone, Copy)]
@@ -35,16 +34,9 @@ pub struct Lines<'a> {
 /// One wall on the grid.
 #[derive(Debug, Clone)]
 struct Side {
-    axis: usize,
-    /// +1 at a lower wall, -1 at an upper one.
-    inward: f32,
-    contact: Contact,
-    /// [m]
-    position: f64,
+    wall: Wall,
     /// Coordinate along the axis of the middle one of the three nodes.
     middle: usize,
-    /// Weights of the outer, middle and inner node at the wall.
-    weights: [f32; 3],
     /// See `touching`.
     touching: [Touch; 2],
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
@@ -72,12 +64,14 @@ impl WallContact {
             }
             let face = (xi - base - 1.0) * f64::from(inward);
             Side {
-                axis,
-                inward,
-                contact,
-                position: f64::from(position),
+                wall: Wall {
+                    axis,
+                    inward,
+                    contact,
+                    position: f64::from(position),
+                    weights,
+                },
                 middle: base as usize + 1,
-                weights,
                 touching: touching(
                     face,
                     1.0,
@@ -108,6 +102,7 @@ impl WallContact {
         fields: &Fields<D>,
         layout: &Layout<D>,
     ) {
+        let map = fields.map();
         for side in &mut self.sides {
             let mut lines = std::mem::take(&mut side.lines[0]);
             lines.clear();
@@ -115,10 +110,10 @@ impl WallContact {
                 let start = span.row * layout.row_length;
                 (start + span.lo..start + span.hi).step_by(CHUNK)
             };
-            if side.axis == 0 {
+            if side.wall.axis == 0 {
                 let planes = side.middle..side.middle + 1;
                 lines.extend(active.of_planes(planes).iter().flat_map(chunks));
-            } else if side.axis == D - 1 {
+            } else if side.wall.axis == D - 1 {
                 let reached = |span: &&Span| span.lo < side.middle && side.middle + 1 < span.hi;
                 let middle = |span: &Span| span.row * layout.row_length + side.middle;
                 let spans = active.all().iter().filter(reached);
@@ -135,11 +130,11 @@ impl WallContact {
             side.shared_lines.clear();
             if fields.meet() {
                 let shared = lines.iter();
-                let shared = shared.filter(|line| fields.is_shared(**line / CHUNK));
+                let shared = shared.filter(|line| map.is_shared(**line / CHUNK));
                 side.shared_lines.extend(shared);
             }
             side.lines[1].clear();
-            let elastic = lines.extract_if(.., |line| fields.only_elastic(*line / CHUNK));
+            let elastic = lines.extract_if(.., |line| map.only_elastic(*line / CHUNK));
             side.lines[1].extend(elastic);
             side.lines[0] = lines;
         }
@@ -153,13 +148,13 @@ impl WallContact {
         others: &mut Vec<usize>,
     ) {
         for side in &self.sides {
-            let (at, stride, of_line) = if side.axis == D - 1 {
+            let (at, stride, of_line) = if side.wall.axis == D - 1 {
                 let of_node = |node: usize| node / CHUNK;
                 let of_line = of_node(side.middle - 1)..=of_node(side.middle + 1);
                 (chunk % (layout.row_length / CHUNK), 1, of_line)
             } else {
-                let stride = layout.stride(side.axis) / CHUNK;
-                let at = chunk / stride % layout.extents[side.axis];
+                let stride = layout.stride(side.wall.axis) / CHUNK;
+                let at = chunk / stride % layout.extents[side.wall.axis];
                 (at, stride, side.middle - 1..=side.middle + 1)
             };
             if of_line.contains(&at) {
@@ -180,7 +175,7 @@ impl WallContact {
 
     /// Coordinates along the first axis of the walls across it.
     pub fn planes(&self) -> Vec<usize> {
-        let across = self.sides.iter().filter(|side| side.axis == 0);
+        let across = self.sides.iter().filter(|side| side.wall.axis == 0);
         across.map(|side| side.middle).collect()
     }
 
@@ -197,21 +192,27 @@ impl WallContact {
         for across_first in lines.across_first {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
-            for side in sides.filter(|side| (side.axis == 0) == *across_first) {
-                let upper = usize::from(side.inward < 0.0);
-                let mut wrench = (reactions.kept).then_some(&mut reactions.walls[side.axis][upper]);
+            for side in sides.filter(|side| (side.wall.axis == 0) == *across_first) {
+                let upper = usize::from(side.wall.inward < 0.0);
+                let mut wrench =
+                    (reactions.kept).then_some(&mut reactions.walls[side.wall.axis][upper]);
+                let friction = match side.wall.contact.friction {
+                    Some(mu) => MaterialFriction::Uniform(mu),
+                    None => *friction,
+                };
+                // Lines of a side have no node in common, so their order has no influence.
                 let mut resolve = |lines: &[usize], elastic: bool| {
-                    let touching = side.touching[usize::from(elastic)];
                     let lines = lines_in(window, lines);
                     if !lines.is_empty() {
-                        Self::resolve(
+                        run_wide(ResolveLines {
                             window,
-                            side,
-                            (touching, dt),
+                            wall: &side.wall,
+                            touching: side.touching[usize::from(elastic)],
+                            dt,
                             lines,
                             friction,
-                            wrench.as_deref_mut(),
-                        );
+                            wrench: wrench.as_deref_mut(),
+                        });
                     }
                 };
                 if let Some(elastic) = lines.own {
@@ -223,421 +224,10 @@ impl WallContact {
             }
         }
     }
-
-    /// Contact on node lines. They have no node in common, so their order has no influence.
-    fn resolve<const D: usize>(
-        window: &mut Window<'_, D>,
-        side: &Side,
-        (touching, dt): (Touch, f32),
-        lines: &[usize],
-        friction: &MaterialFriction,
-        wrench: Option<&mut Wrench<D>>,
-    ) {
-        let friction = match (side.contact.friction, friction) {
-            (Some(mu), _) => MaterialFriction::Uniform(mu),
-            (None, of_material) => *of_material,
-        };
-        let places = Places::new(&window.layout);
-        run_wide(ResolveLines {
-            window,
-            side,
-            touching,
-            dt,
-            lines,
-            kind: side.contact.kind,
-            friction,
-            places,
-            wrench,
-        });
-    }
 }
 
 /// Those of some lines, in ascending order, that lie in a window.
 fn lines_in<'l, const D: usize>(window: &Window<'_, D>, lines: &'l [usize]) -> &'l [usize] {
     let place = |node: usize| lines.partition_point(|&line| line < node);
     &lines[place(window.first)..place(window.first + window.nodes.len())]
-}
-
-/// Contact of one wall on node lines.
-struct ResolveLines<'a, 'w, const D: usize> {
-    window: &'a mut Window<'w, D>,
-    side: &'a Side,
-    /// See `touching`.
-    touching: Touch,
-    /// Duration of the substep [s].
-    dt: f32,
-    /// See `Side`.
-    lines: &'a [usize],
-    kind: ContactKind,
-    friction: MaterialFriction,
-    places: Places<D>,
-    /// None where nobody reads forces: in 3D their sums take up to 3 % of a frame.
-    wrench: Option<&'a mut Wrench<D>>,
-}
-
-impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<Q: Quad>(self) {
-        // Without friction nothing happens along the wall.
-        let smooth = self.kind == ContactKind::Slip
-            || self.kind == ContactKind::Separating
-                && matches!(self.friction, MaterialFriction::Uniform(0.0));
-        let axis = self.side.axis;
-        let across = [axis];
-        let all = std::array::from_fn(|k| match k {
-            0 => axis,
-            k if k <= axis => k - 1,
-            k => k,
-        });
-        match (axis == D - 1, smooth) {
-            (true, true) => self.resolve::<Q, 1, 1>(across),
-            (true, false) => self.resolve::<Q, 1, D>(all),
-            (false, true) => self.resolve::<Q, CHUNK, 1>(across),
-            (false, false) => self.resolve::<Q, CHUNK, D>(all),
-        }
-    }
-}
-
-impl<const D: usize> ResolveLines<'_, '_, D> {
-    /// Changes the components of the velocity along some axes, the first of which is across the wall. So many lines lie side by
-    /// side: one or a chunk.
-    #[inline(always)]
-    fn resolve<Q: Quad, const SIDE_BY_SIDE: usize, const N: usize>(mut self, axes: [usize; N]) {
-        let mut starts = [0; LANES];
-        let (mut found, most) = (0, LANES / SIDE_BY_SIDE);
-        for start in self.lines {
-            let start = start - self.window.first;
-            starts[found] = start;
-            found += usize::from(self.window.dirty[start / CHUNK]);
-            if found == most {
-                self.resolve_batch::<Q, SIDE_BY_SIDE, N>(&starts, found, &axes);
-                found = 0;
-            }
-        }
-        if found > 0 {
-            self.resolve_batch::<Q, SIDE_BY_SIDE, N>(&starts, found, &axes);
-        }
-    }
-
-    /// The same for lines that start at the first `found` of some middle nodes.
-    #[inline(always)]
-    fn resolve_batch<Q: Quad, const SIDE_BY_SIDE: usize, const N: usize>(
-        &mut self,
-        starts: &[usize; LANES],
-        found: usize,
-        axes: &[usize; N],
-    ) {
-        let inward = self.side.inward as isize * self.window.layout.stride(self.side.axis) as isize;
-        let steps = [-inward, 0, inward];
-        let nodes = &mut *self.window.nodes;
-        let mut lines = LineNodes {
-            mass: [[0.0; LANES]; 3],
-            v: [[[0.0; LANES]; 3]; N],
-        };
-        let place = |step: usize, k: usize| starts[k].wrapping_add_signed(steps[step]);
-        // A second chunk that is missing is the first once more, to be left out.
-        let chunks = |step: usize| {
-            [place(step, 0), place(step, found - 1)].map(|start| {
-                let chunk = &nodes[start..start + CHUNK];
-                chunk.try_into().expect("a chunk")
-            })
-        };
-        for step in 0..3 {
-            if SIDE_BY_SIDE == CHUNK {
-                lines.mass[step] = Q::column(chunks(step), 3);
-            } else {
-                for lane in 0..found {
-                    lines.mass[step][lane] = nodes[place(step, lane)].as_array()[3];
-                }
-            }
-        }
-        // In a splash most lines do not touch: their velocities are not read.
-        if !lines.leave_out_what_does_not_touch(self.touching, found * SIDE_BY_SIDE) {
-            return;
-        }
-        for step in 0..3 {
-            for k in 0..N {
-                if SIDE_BY_SIDE == CHUNK {
-                    lines.v[k][step] = Q::column(chunks(step), axes[k]);
-                } else {
-                    for lane in 0..found {
-                        lines.v[k][step][lane] = nodes[place(step, lane)].as_array()[axes[k]];
-                    }
-                }
-            }
-        }
-        let mut mu = [0.0; LANES];
-        if N > 1 {
-            for lane in 0..found * SIDE_BY_SIDE {
-                let node = starts[lane / SIDE_BY_SIDE] + lane % SIDE_BY_SIDE;
-                let mass = lines.mass[1][lane].max(SMALLEST_MASS);
-                mu[lane] = self.friction.at(self.window.friction_mass, node, mass);
-            }
-        }
-        let closing = lines.closing_speeds(self.touching, self.dt);
-        let resting = self.touching.resting_speed(self.dt);
-        let given = lines.apply(self.kind, self.side, &mu, &closing, resting);
-        self.sum_up::<SIDE_BY_SIDE, N>(starts, found, axes, &given);
-        let nodes = &mut *self.window.nodes;
-        for step in 0..3 {
-            for k in 0..N {
-                let (v, _) = lines.v[k][step].as_chunks::<SIDE_BY_SIDE>();
-                for (start, v) in starts[..found].iter().zip(v) {
-                    let place = start.wrapping_add_signed(steps[step]);
-                    if SIDE_BY_SIDE == CHUNK {
-                        let chunk = &mut nodes[place..place + CHUNK];
-                        let v = v[..].try_into().expect("a chunk");
-                        Q::set_column(chunk.try_into().expect("a chunk"), axes[k], v);
-                    } else {
-                        nodes[place].as_mut_array()[axes[k]] = v[0];
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl<const D: usize> ResolveLines<'_, '_, D> {
-    /// Adds the impulses on lines that start at the first `found` of some middle nodes, at the wall itself.
-    #[inline(always)]
-    fn sum_up<const SIDE_BY_SIDE: usize, const N: usize>(
-        &mut self,
-        starts: &[usize; LANES],
-        found: usize,
-        axes: &[usize; N],
-        given: &[Lanes; N],
-    ) {
-        let Some(wrench) = &mut self.wrench else {
-            return;
-        };
-        let mut any = false;
-        given
-            .iter()
-            .flatten()
-            .for_each(|impulse| any |= *impulse != 0.0);
-        if !any {
-            return;
-        }
-        // Each component, and that times each coordinate of its place in nodes.
-        let (mut sums, mut moments) = ([0.0; N], [[0.0; D]; N]);
-        for line in 0..found {
-            let node = self.places.of(starts[line] + self.window.first);
-            for k in 0..N {
-                let (parts, _) = given[k].as_chunks::<SIDE_BY_SIDE>();
-                let (mut sum, mut along) = (parts[line], parts[line]);
-                if SIDE_BY_SIDE > 1 {
-                    (0..SIDE_BY_SIDE).for_each(|step| along[step] *= step as f32);
-                    let mut half = SIDE_BY_SIDE / 2;
-                    while half > 0 {
-                        for step in 0..half {
-                            sum[step] += sum[step + half];
-                            along[step] += along[step + half];
-                        }
-                        half /= 2;
-                    }
-                }
-                let sum = f64::from(sum[0]);
-                sums[k] += sum;
-                for axis in 0..D {
-                    moments[k][axis] += node[axis] * sum;
-                }
-                if SIDE_BY_SIDE > 1 {
-                    moments[k][D - 1] += f64::from(along[0]);
-                }
-            }
-        }
-        let dx = self.places.dx;
-        for (k, &axis) in axes.iter().enumerate() {
-            wrench.impulse[axis] += sums[k];
-            for across in (0..D).filter(|across| *across != axis) {
-                let moment = if across == self.side.axis {
-                    self.side.position * sums[k]
-                } else {
-                    (moments[k][across] - PADDING as f64 * sums[k]) * dx
-                };
-                // The sign of e_across x e_axis.
-                let about = &mut wrench.moment[3 - across - axis];
-                *about += if (across + 1) % 3 == axis {
-                    moment
-                } else {
-                    -moment
-                };
-            }
-        }
-    }
-}
-
-/// Coordinates of nodes from their memory indices, without divisions.
-#[derive(Clone, Copy)]
-struct Places<const D: usize> {
-    /// Cell size [m].
-    dx: f64,
-    row_length: f64,
-    per_row: f64,
-    rows_per_plane: f64,
-    per_plane: f64,
-}
-
-impl<const D: usize> Places<D> {
-    fn new(layout: &Layout<D>) -> Self {
-        let (row_length, rows) = (layout.row_length as f64, layout.rows_per_plane() as f64);
-        Self {
-            dx: 1.0 / layout.resolution as f64,
-            row_length,
-            per_row: 1.0 / row_length,
-            rows_per_plane: rows,
-            per_plane: 1.0 / rows,
-        }
-    }
-
-    /// Coordinates of a node [nodes].
-    #[inline(always)]
-    fn of(&self, node: usize) -> [f64; D] {
-        // The half keeps rounding from crossing an integer.
-        let node = node as f64;
-        let row = ((node + 0.5) * self.per_row).floor();
-        let mut place = [row; D];
-        if D == 3 {
-            place[0] = ((row + 0.5) * self.per_plane).floor();
-            place[1] = row - place[0] * self.rows_per_plane;
-        }
-        place[D - 1] = node - row * self.row_length;
-        place
-    }
-}
-
-/// The outer, middle and inner nodes of `LANES` lines, with N components of their velocities, the one across the wall first.
-struct LineNodes<const N: usize> {
-    mass: [Lanes; 3],
-    v: [[Lanes; 3]; N],
-}
-
-impl<const N: usize> LineNodes<N> {
-    /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`. Returns
-    /// whether any are left.
-    #[inline(always)]
-    fn leave_out_what_does_not_touch(&mut self, touching: Touch, count: usize) -> bool {
-        let [_, middle, inner] = self.mass;
-        let mut any = false;
-        let mut touches = [false; LANES];
-        for i in 0..LANES {
-            touches[i] =
-                (middle[i] > SMALLEST_MASS) & touching.touches(middle[i], inner[i]) & (i < count);
-            any |= touches[i];
-        }
-        for mass in &mut self.mass {
-            let mut kept = [0.0; LANES];
-            for i in 0..LANES {
-                kept[i] = if touches[i] { mass[i] } else { 0.0 };
-            }
-            *mass = kept;
-        }
-        any
-    }
-
-    /// Speeds at which the material may come nearer [m/s].
-    #[inline(always)]
-    fn closing_speeds(&self, touching: Touch, dt: f32) -> Lanes {
-        let mut speeds = [0.0; LANES];
-        if touching.distance > 0.0 {
-            let [_, middle, inner] = self.mass;
-            for i in 0..LANES {
-                speeds[i] = touching.closing(middle[i], inner[i], dt);
-            }
-        }
-        speeds
-    }
-
-    /// Changes velocities so that the material at the wall obeys the contact, but for speeds `closing` towards it where it is
-    /// faster than `resting` [m/s]. Returns the impulses, by components.
-    #[inline(always)]
-    fn apply(
-        &mut self,
-        kind: ContactKind,
-        side: &Side,
-        mu: &Lanes,
-        closing: &Lanes,
-        resting: f32,
-    ) -> [Lanes; N] {
-        let mut given = [[0.0; LANES]; N];
-        let separates = kind == ContactKind::Separating;
-        let lost_always = if kind == ContactKind::Sticky {
-            1.0
-        } else {
-            0.0
-        };
-        if !separates {
-            for i in 0..LANES {
-                // An outer node that is lighter than its weight would take most of the change, and material would creep off by
-                // a quarter of a cell before it is held. It stays with the wall, as an empty one does.
-                let [outer, middle, _] = self.mass;
-                let light = outer[i] * side.weights[1] < middle[i] * side.weights[0];
-                self.mass[0][i] = if light { 0.0 } else { outer[i] };
-                for k in 0..N {
-                    let momentum = outer[i] * self.v[k][0][i];
-                    given[k][i] = if light { -momentum } else { 0.0 };
-                    self.v[k][0][i] = if light { 0.0 } else { self.v[k][0][i] };
-                }
-            }
-        }
-        // Read in the loop they would be gathered, lane by lane.
-        let (weights, inward) = (side.weights, side.inward);
-        for i in 0..LANES {
-            let mut mobility = [0.0; 3];
-            let mut at_wall = [0.0; N];
-            let (mut total, mut held) = (0.0, 0.0);
-            for step in 0..3 {
-                // Empty nodes have no velocity to speak of and take no impulse.
-                let mass = self.mass[step][i];
-                let there = mass > SMALLEST_MASS;
-                let weight = if there { weights[step] } else { 0.0 };
-                mobility[step] = weight / if there { mass } else { 1.0 };
-                total += mobility[step] * weight;
-                held += weight;
-                for k in 0..N {
-                    at_wall[k] += weight * self.v[k][step][i];
-                }
-            }
-            let approach = 0.0 - at_wall[0] * inward;
-            let approach = approach - if approach > resting { closing[i] } else { 0.0 };
-            let none = separates & (approach <= 0.0) | (total <= 0.0);
-            // Impulse per change of the velocity at the wall; each node takes its share.
-            let impulse = if none { 0.0 } else { 1.0 } / if none { 1.0 } else { total };
-            let mut change = [approach * inward; N];
-            if N > 1 {
-                let slip_squared: f32 = at_wall[1..].iter().map(|slip| slip * slip).sum();
-                // Coulomb friction takes at most this part of the slip.
-                let lost = 1.0 - remaining_slip(slip_squared.sqrt(), mu[i] * approach);
-                let lost = if separates { lost } else { lost_always };
-                for k in 1..N {
-                    change[k] = -at_wall[k] * lost;
-                }
-            }
-            for k in 0..N {
-                given[k][i] += change[k] * impulse * held;
-                for step in 0..3 {
-                    self.v[k][step][i] += change[k] * impulse * mobility[step];
-                }
-            }
-        }
-        given
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nodes_are_found_from_their_memory_indices() {
-        let layout = Layout::<3>::new(17, [17, 9, 30]);
-        let places = Places::new(&layout);
-        for node in 0..layout.row_count() * layout.row_length {
-            let mut place = layout.row_coordinates(node / layout.row_length);
-            place[2] = node % layout.row_length;
-            assert_eq!(places.of(node), place.map(|axis| axis as f64));
-        }
-    }
 }

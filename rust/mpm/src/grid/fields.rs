@@ -5,51 +5,12 @@
 //! On chunks with slots nothing is written to the grid itself; its nodes stay empty there.
 
 use std::marker::PhantomData;
-use std::ops::Range;
-use std::slice;
 
 use wide::f32x4;
 
+use super::field_map::{FieldMap, Holder, Slot};
+use super::field_window::SharedFields;
 use super::layout::{CHUNK, Layout, MARGIN, Place};
-use super::view::View;
-
-/// Who reaches a chunk: nobody, one field, or several, which then have slots.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Holder(u32);
-
-impl Holder {
-    const NOBODY: Self = Self(u32::MAX);
-    const SHARED: u32 = 1 << 31;
-
-    fn one(field: u16) -> Self {
-        Self(u32::from(field))
-    }
-
-    fn shared(first_slot: usize) -> Self {
-        Self(first_slot as u32 | Self::SHARED)
-    }
-
-    fn is_shared(self) -> bool {
-        self != Self::NOBODY && self.0 & Self::SHARED != 0
-    }
-
-    /// The field, where there is one alone.
-    fn alone(self) -> Option<u16> {
-        (self.0 & Self::SHARED == 0).then_some(self.0 as u16)
-    }
-
-    fn first_slot(self) -> Option<usize> {
-        self.is_shared()
-            .then_some((self.0 & !Self::SHARED) as usize)
-    }
-}
-
-/// One field on one chunk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Slot {
-    pub chunk: u32,
-    pub field: u16,
-}
 
 /// Additional quantities of the nodes of slots.
 #[derive(Debug, Clone, Copy)]
@@ -100,7 +61,7 @@ impl<const D: usize> Fields<D> {
             layout,
             sums,
             flows,
-            holders: vec![Holder::NOBODY; chunks],
+            holders: vec![Holder::Nobody; chunks],
             near: vec![0; chunks],
             held: Vec::new(),
             slots: Vec::new(),
@@ -129,19 +90,8 @@ impl<const D: usize> Fields<D> {
         !self.slots.is_empty()
     }
 
-    /// Whether a chunk has slots.
-    pub fn is_shared(&self, chunk: usize) -> bool {
-        self.holders
-            .get(chunk)
-            .is_some_and(|holder| holder.is_shared())
-    }
-
-    /// Whether nothing that flows reaches a chunk.
-    pub fn only_elastic(&self, chunk: usize) -> bool {
-        self.map().only_elastic(chunk)
-    }
-
-    fn map(&self) -> FieldMap<'_> {
+    /// Where the slots are.
+    pub fn map(&self) -> FieldMap<'_> {
         FieldMap {
             flows: self.flows,
             holders: &self.holders,
@@ -153,7 +103,7 @@ impl<const D: usize> Fields<D> {
     /// Forgets all slots.
     pub fn clear(&mut self) {
         for chunk in self.held.drain(..) {
-            self.holders[chunk as usize] = Holder::NOBODY;
+            self.holders[chunk as usize] = Holder::Nobody;
         }
         for slot in self.slots.drain(..) {
             for (start, _) in starts_near(&self.layout, slot.chunk as usize) {
@@ -192,27 +142,25 @@ impl<const D: usize> Fields<D> {
 
     #[inline(always)]
     fn hold(&mut self, chunk: usize, field: u16) {
-        let holder = self.holders[chunk];
-        if holder == Holder::one(field) {
-            return;
+        match self.holders[chunk] {
+            Holder::One(only) if only == field => {}
+            Holder::Nobody => {
+                self.holders[chunk] = Holder::One(field);
+                self.held.push(chunk as u32);
+            }
+            _ => {
+                self.share(chunk);
+                self.push(chunk, field);
+            }
         }
-        if holder == Holder::NOBODY {
-            self.holders[chunk] = Holder::one(field);
-            self.held.push(chunk as u32);
-            return;
-        }
-        self.share(chunk);
-        self.push(chunk, field);
     }
 
     /// Gives the only field of a chunk a slot there.
-    fn share(&mut self, chunk: usize) -> bool {
-        let Some(field) = self.holders[chunk].alone() else {
-            return false;
-        };
-        self.holders[chunk] = Holder::shared(0);
-        self.push(chunk, field);
-        true
+    fn share(&mut self, chunk: usize) {
+        if let Holder::One(field) = self.holders[chunk] {
+            self.holders[chunk] = Holder::Several { first_slot: 0 };
+            self.push(chunk, field);
+        }
     }
 
     fn push(&mut self, chunk: usize, field: u16) {
@@ -247,7 +195,8 @@ impl<const D: usize> Fields<D> {
         }
         for index in (0..self.slots.len()).rev() {
             let chunk = self.slots[index].chunk as usize;
-            self.holders[chunk] = Holder::shared(index);
+            let first_slot = index as u32;
+            self.holders[chunk] = Holder::Several { first_slot };
             for (start, nodes) in starts_near(&self.layout, chunk) {
                 if let Some(near) = self.near.get_mut(start) {
                     *near |= nodes;
@@ -273,20 +222,18 @@ impl<const D: usize> Fields<D> {
 
     /// Lends the fields to threads that take turns on their planes.
     pub(super) fn shared(&mut self) -> SharedFields<'_, D> {
+        let (nodes, slopes) = (self.nodes.as_mut_ptr(), self.slopes.as_mut_ptr());
+        let kept = |numbers: &mut Vec<f32>| (!numbers.is_empty()).then_some(numbers.as_mut_ptr());
+        let friction_mass = kept(&mut self.friction_mass);
+        let (volume, old) = (kept(&mut self.volume), kept(&mut self.old));
         SharedFields {
-            map: FieldMap {
-                flows: self.flows,
-                holders: &self.holders,
-                near: &self.near,
-                slots: &self.slots,
-            },
+            map: self.map(),
             starts: &self.starts,
-            nodes: self.nodes.as_mut_ptr(),
-            slopes: self.slopes.as_mut_ptr(),
-            friction_mass: (!self.friction_mass.is_empty())
-                .then_some(self.friction_mass.as_mut_ptr()),
-            volume: (!self.volume.is_empty()).then_some(self.volume.as_mut_ptr()),
-            old: (!self.old.is_empty()).then_some(self.old.as_mut_ptr()),
+            nodes,
+            slopes,
+            friction_mass,
+            volume,
+            old,
             borrowed: PhantomData,
         }
     }
@@ -311,348 +258,4 @@ fn starts_near<const D: usize>(
         [before(0, u8::MAX), before(1, last_two)]
     };
     offsets.into_iter().flatten().flat_map(both).flatten()
-}
-
-/// Where the slots are.
-#[derive(Clone, Copy)]
-pub struct FieldMap<'a> {
-    flows: bool,
-    holders: &'a [Holder],
-    near: &'a [u8],
-    slots: &'a [Slot],
-}
-
-/// Where a node of one field is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NodePlace {
-    Grid,
-    /// Number of the node among those of slots.
-    Slot(usize),
-    /// The field does not reach it.
-    Nowhere,
-}
-
-impl<'a> FieldMap<'a> {
-    /// Whether a field is that of an elastic body.
-    pub fn is_elastic(&self, field: u16) -> bool {
-        !self.flows || field > 0
-    }
-
-    /// Whether there may be elastic bodies.
-    pub fn any_elastic(&self) -> bool {
-        !self.flows || !self.holders.is_empty()
-    }
-
-    /// Whether nothing that flows reaches a chunk.
-    pub fn only_elastic(&self, chunk: usize) -> bool {
-        let elastic = |holder: &Holder| holder.alone().is_some_and(|field| field > 0);
-        !self.flows || self.holders.get(chunk).is_some_and(elastic)
-    }
-
-    /// The elastic body that reaches a chunk, where nothing else does.
-    #[inline(always)]
-    pub fn elastic_alone(&self, chunk: usize) -> Option<u16> {
-        if self.holders.is_empty() {
-            return (!self.flows).then_some(0);
-        }
-        let alone = self.holders[chunk].alone();
-        alone.filter(|field| self.is_elastic(*field))
-    }
-
-    /// Whether a chunk has slots.
-    pub fn is_shared(&self, chunk: usize) -> bool {
-        self.holders[chunk].is_shared()
-    }
-
-    /// Whether the nodes of some chunks belong to one field alone, or to nobody.
-    pub fn is_one<const N: usize>(&self, chunks: [usize; N]) -> bool {
-        let holders = chunks.map(|chunk| self.holders[chunk]);
-        let first = holders.iter().find(|holder| **holder != Holder::NOBODY);
-        let same = |holder: &Holder| *holder == Holder::NOBODY || Some(holder) == first;
-        holders.iter().all(same) && !first.is_some_and(|holder| holder.is_shared())
-    }
-
-    /// The fields that reach a chunk. Where nobody is known, something may lie that flows.
-    pub fn fields_of(&self, chunk: usize) -> impl Iterator<Item = u16> + use<'a> {
-        let holder = self.holders[chunk];
-        let first = holder.first_slot().unwrap_or(self.slots.len());
-        let mine = self.slots[first..].iter();
-        let mine = mine.take_while(move |slot| slot.chunk as usize == chunk);
-        let alone = if holder == Holder::NOBODY {
-            Some(0)
-        } else {
-            holder.alone()
-        };
-        alone.into_iter().chain(mine.map(|slot| slot.field))
-    }
-
-    /// Where a field has its node that stands for one of the grid.
-    pub fn place(&self, index: usize, field: u16) -> NodePlace {
-        let chunk = index / CHUNK;
-        let holder = self.holders[chunk];
-        if let Some(first) = holder.first_slot() {
-            let mine = self.slots[first..].iter();
-            let mut mine = mine.take_while(|slot| slot.chunk as usize == chunk);
-            let number = mine.position(|slot| slot.field == field);
-            return number.map_or(NodePlace::Nowhere, |number| {
-                NodePlace::Slot((first + number) * CHUNK + index % CHUNK)
-            });
-        }
-        if holder == Holder::NOBODY || holder.alone() == Some(field) {
-            NodePlace::Grid
-        } else {
-            NodePlace::Nowhere
-        }
-    }
-
-    /// Whether a stencil that starts at this node may touch a slot.
-    #[inline(always)]
-    fn near(&self, start: usize) -> bool {
-        self.near[start / CHUNK] >> (start % CHUNK) & 1 != 0
-    }
-
-    /// The node of a field that stands for a node of the grid; None where the grid's own node does. The field reaches it.
-    #[inline(always)]
-    fn node(&self, index: usize, field: u16) -> Option<usize> {
-        let chunk = index / CHUNK;
-        let mut slot = self.holders[chunk].first_slot()?;
-        while self.slots[slot].field != field {
-            slot += 1;
-        }
-        debug_assert_eq!(self.slots[slot].chunk as usize, chunk);
-        Some(slot * CHUNK + index % CHUNK)
-    }
-
-    /// The same for three nodes side by side.
-    #[inline(always)]
-    fn nodes(&self, index: usize, field: u16) -> [Option<usize>; 3] {
-        let first = self.node(index, field);
-        // Nodes of the first one's chunk follow it.
-        let left = CHUNK - index % CHUNK;
-        let next = if left < 3 {
-            self.node(index + left, field)
-        } else {
-            None
-        };
-        std::array::from_fn(|step| {
-            if step < left {
-                first.map(|node| node + step)
-            } else {
-                next.map(|node| node + step - left)
-            }
-        })
-    }
-}
-
-/// Fields that several threads read and write, each time on other planes.
-pub struct SharedFields<'a, const D: usize> {
-    map: FieldMap<'a>,
-    starts: &'a [usize],
-    nodes: *mut f32x4,
-    slopes: *mut f32x4,
-    friction_mass: Option<*mut f32>,
-    volume: Option<*mut f32>,
-    old: Option<*mut f32>,
-    /// The fields cannot be used otherwise meanwhile.
-    borrowed: PhantomData<&'a mut f32x4>,
-}
-
-// SAFETY: the pointers lead to plain numbers, and callers of `window`, `slopes` and `view` keep threads apart.
-unsafe impl<const D: usize> Sync for SharedFields<'_, D> {}
-
-impl<const D: usize> SharedFields<'_, D> {
-    pub fn map(&self) -> FieldMap<'_> {
-        self.map
-    }
-
-    /// The slots of some planes.
-    ///
-    /// # Safety
-    /// While they are in use, no other window and no view has a plane of them.
-    pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_, D> {
-        let nodes = self.nodes_of(planes);
-        let (first, count) = (nodes.start, nodes.len());
-        // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
-        unsafe {
-            let numbers = |all: Option<*mut f32>, of_node: usize| {
-                all.map_or(&mut [][..], |all| {
-                    slice::from_raw_parts_mut(all.add(first * of_node), count * of_node)
-                })
-            };
-            FieldWindow {
-                map: self.map,
-                starts: self.starts,
-                first,
-                slots: &self.map.slots[first / CHUNK..(first + count) / CHUNK],
-                nodes: slice::from_raw_parts_mut(self.nodes.add(first), count),
-                slopes: slice::from_raw_parts(self.slopes.add(first), count),
-                friction_mass: numbers(self.friction_mass, 1),
-                volume: numbers(self.volume, 1),
-                old: numbers(self.old, Layout::<D>::OLD),
-            }
-        }
-    }
-
-    /// The slots of some planes, and the slopes of their nodes to be written.
-    ///
-    /// # Safety
-    /// While they are in use, nobody else uses the slopes of these planes.
-    pub unsafe fn slopes(&self, planes: Range<usize>) -> Slopes<'_> {
-        let nodes = self.nodes_of(planes);
-        Slopes {
-            slots: &self.map.slots[nodes.start / CHUNK..nodes.end / CHUNK],
-            // SAFETY: these are the slopes of the planes; the caller excludes other uses of them.
-            values: unsafe { slice::from_raw_parts_mut(self.slopes.add(nodes.start), nodes.len()) },
-        }
-    }
-
-    /// The nodes of the slots of some planes.
-    ///
-    /// # Safety
-    /// While they are in use, no window has a plane of them.
-    pub unsafe fn view(&self, planes: Range<usize>) -> FieldView<'_, D> {
-        let nodes = self.nodes_of(planes);
-        FieldView {
-            map: self.map,
-            first: nodes.start,
-            // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
-            nodes: unsafe { slice::from_raw_parts(self.nodes.add(nodes.start), nodes.len()) },
-            // SAFETY: as above.
-            old: self.old.map_or(&[], |all| unsafe {
-                let numbers = Layout::<D>::OLD;
-                slice::from_raw_parts(all.add(nodes.start * numbers), nodes.len() * numbers)
-            }),
-        }
-    }
-
-    fn nodes_of(&self, planes: Range<usize>) -> Range<usize> {
-        let last = self.starts.len() - 1;
-        CHUNK * self.starts[planes.start.min(last)]..CHUNK * self.starts[planes.end.min(last)]
-    }
-}
-
-/// The slots of some planes, and gradients of their nodes' masses [kg/cell] to be written.
-pub struct Slopes<'a> {
-    pub slots: &'a [Slot],
-    pub values: &'a mut [f32x4],
-}
-
-/// The slots of some planes, which one thread may write while others write those of other planes.
-pub struct FieldWindow<'a, const D: usize> {
-    map: FieldMap<'a>,
-    starts: &'a [usize],
-    /// Number of the first node.
-    pub first: usize,
-    pub slots: &'a [Slot],
-    pub nodes: &'a mut [f32x4],
-    /// Gradients of the nodes' masses [kg/cell].
-    pub slopes: &'a [f32x4],
-    /// Empty unless materials differ in wall friction.
-    pub friction_mass: &'a mut [f32],
-    /// Rest volume; empty unless materials of one field differ in density.
-    pub volume: &'a mut [f32],
-    /// See `Grid`.
-    pub old: &'a mut [f32],
-}
-
-impl<'a, const D: usize> FieldWindow<'a, D> {
-    pub fn map(&self) -> FieldMap<'a> {
-        self.map
-    }
-
-    /// Whether a stencil that starts at this node of the grid may touch a slot.
-    #[inline(always)]
-    pub fn near(&self, start: usize) -> bool {
-        self.map.near(start)
-    }
-
-    /// The places in `nodes` that stand for three nodes of the grid side by side; None where the grid's own do.
-    #[inline(always)]
-    pub fn places(&self, index: usize, field: u16) -> [Option<usize>; 3] {
-        let first = self.first;
-        self.map
-            .nodes(index, field)
-            .map(|node| node.map(|node| node - first))
-    }
-
-    /// Zeroes the nodes of some of the planes.
-    pub fn clear(&mut self, planes: Range<usize>) {
-        let last = self.starts.len() - 1;
-        let place = |plane: usize| CHUNK * self.starts[plane.min(last)] - self.first;
-        let places = place(planes.start)..place(planes.end);
-        self.nodes[places.clone()].fill(f32x4::ZERO);
-        for numbers in [&mut *self.friction_mass, &mut *self.volume] {
-            if !numbers.is_empty() {
-                numbers[places.clone()].fill(0.0);
-            }
-        }
-        if !self.old.is_empty() {
-            let numbers = Layout::<D>::OLD;
-            self.old[places.start * numbers..places.end * numbers].fill(0.0);
-        }
-    }
-}
-
-/// The nodes of the slots of some planes, to be read.
-#[derive(Clone, Copy)]
-pub struct FieldView<'a, const D: usize> {
-    map: FieldMap<'a>,
-    /// Number of the first node.
-    first: usize,
-    nodes: &'a [f32x4],
-    old: &'a [f32],
-}
-
-impl<const D: usize> FieldView<'_, D> {
-    /// Whether a stencil that starts at this node of the grid may touch a slot.
-    #[inline(always)]
-    pub fn near(&self, start: usize) -> bool {
-        self.map.near(start)
-    }
-
-    /// Writes three nodes side by side of a field that reaches them, its own or the grid's, and what they keep of before forces
-    /// (see `Grid`). Returns whether some are its own.
-    #[inline(always)]
-    pub fn row(
-        &self,
-        grid: View<'_, D>,
-        index: usize,
-        field: u16,
-        (to_nodes, to_old): (&mut [f32x4; 4], &mut [f32; 16]),
-    ) -> bool {
-        let places = self.map.nodes(index, field);
-        let numbers = Layout::<D>::OLD;
-        for step in 0..3 {
-            let (place, nodes, old) = match places[step] {
-                Some(place) => (place - self.first, self.nodes, self.old),
-                None => (index + step - grid.first, grid.nodes, grid.old),
-            };
-            to_nodes[step] = nodes[place];
-            if !old.is_empty() {
-                to_old[step * numbers..(step + 1) * numbers]
-                    .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
-            }
-        }
-        places[0].is_some() | places[2].is_some()
-    }
-
-    /// Masses of a field on a chunk [kg]; none where it does not reach.
-    pub fn masses(&self, grid: View<'_, D>, chunk: usize, field: u16) -> [f32; CHUNK] {
-        let holder = self.map.holders[chunk];
-        let nodes = match holder.first_slot() {
-            Some(first) => {
-                let of_chunk = |slot: &&Slot| slot.chunk as usize == chunk;
-                let mut slots = self.map.slots[first..].iter().take_while(of_chunk);
-                let number = slots.position(|slot| slot.field == field);
-                number.map(|number| &self.nodes[(first + number) * CHUNK - self.first..])
-            }
-            None if holder.alone() == Some(field) => {
-                Some(&grid.nodes[chunk * CHUNK - grid.first..])
-            }
-            None => None,
-        };
-        nodes.map_or([0.0; CHUNK], |nodes| {
-            std::array::from_fn(|step| nodes[step].as_array()[3])
-        })
-    }
 }

@@ -1,6 +1,8 @@
 //! The background grid and the splines that join particles to its nodes.
 
 mod active;
+mod field_map;
+mod field_window;
 mod fields;
 mod layout;
 mod nodes;
@@ -9,7 +11,9 @@ mod view;
 mod window;
 
 pub use active::ActiveSpans;
-pub use fields::{FieldMap, FieldSums, FieldView, FieldWindow, Fields, NodePlace, Slopes};
+pub use field_map::{FieldMap, NodePlace};
+pub use field_window::{FieldView, FieldWindow, Slopes};
+pub use fields::{FieldSums, Fields};
 pub use layout::{CHUNK, Layout, MARGIN, PADDING, Place, Span};
 pub use nodes::{Grid, SMALLEST_MASS};
 pub use stencil::{Stencil, Stencils, spline};

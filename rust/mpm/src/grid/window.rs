@@ -7,7 +7,7 @@ use std::slice;
 use wide::f32x4;
 
 use super::active::ActiveSpans;
-use super::fields::SharedFields;
+use super::field_window::SharedFields;
 use super::layout::{CHUNK, Layout, Span};
 use super::view::View;
 

@@ -1,0 +1,214 @@
+//! The nodes of slots, for threads that work side by side.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::slice;
+
+use wide::f32x4;
+
+use super::field_map::{FieldMap, Holder, NodePlace, Slot};
+use super::layout::{CHUNK, Layout};
+use super::view::View;
+
+/// Fields that several threads read and write, each time on other planes.
+pub struct SharedFields<'a, const D: usize> {
+    pub(super) map: FieldMap<'a>,
+    pub(super) starts: &'a [usize],
+    pub(super) nodes: *mut f32x4,
+    pub(super) slopes: *mut f32x4,
+    pub(super) friction_mass: Option<*mut f32>,
+    pub(super) volume: Option<*mut f32>,
+    pub(super) old: Option<*mut f32>,
+    /// The fields cannot be used otherwise meanwhile.
+    pub(super) borrowed: PhantomData<&'a mut f32x4>,
+}
+
+// SAFETY: the pointers lead to plain numbers, and callers of `window`, `slopes` and `view` keep threads apart.
+unsafe impl<const D: usize> Sync for SharedFields<'_, D> {}
+
+impl<const D: usize> SharedFields<'_, D> {
+    pub fn map(&self) -> FieldMap<'_> {
+        self.map
+    }
+
+    /// The slots of some planes.
+    ///
+    /// # Safety
+    /// While they are in use, no other window and no view has a plane of them.
+    pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_, D> {
+        let nodes = self.nodes_of(planes);
+        let (first, count) = (nodes.start, nodes.len());
+        // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
+        unsafe {
+            let numbers = |all: Option<*mut f32>, of_node: usize| {
+                all.map_or(&mut [][..], |all| {
+                    slice::from_raw_parts_mut(all.add(first * of_node), count * of_node)
+                })
+            };
+            FieldWindow {
+                map: self.map,
+                starts: self.starts,
+                first,
+                slots: &self.map.slots[first / CHUNK..(first + count) / CHUNK],
+                nodes: slice::from_raw_parts_mut(self.nodes.add(first), count),
+                slopes: slice::from_raw_parts(self.slopes.add(first), count),
+                friction_mass: numbers(self.friction_mass, 1),
+                volume: numbers(self.volume, 1),
+                old: numbers(self.old, Layout::<D>::OLD),
+            }
+        }
+    }
+
+    /// The slots of some planes, and the slopes of their nodes to be written.
+    ///
+    /// # Safety
+    /// While they are in use, nobody else uses the slopes of these planes.
+    pub unsafe fn slopes(&self, planes: Range<usize>) -> Slopes<'_> {
+        let nodes = self.nodes_of(planes);
+        Slopes {
+            slots: &self.map.slots[nodes.start / CHUNK..nodes.end / CHUNK],
+            // SAFETY: these are the slopes of the planes; the caller excludes other uses of them.
+            values: unsafe { slice::from_raw_parts_mut(self.slopes.add(nodes.start), nodes.len()) },
+        }
+    }
+
+    /// The nodes of the slots of some planes.
+    ///
+    /// # Safety
+    /// While they are in use, no window has a plane of them.
+    pub unsafe fn view(&self, planes: Range<usize>) -> FieldView<'_, D> {
+        let nodes = self.nodes_of(planes);
+        FieldView {
+            map: self.map,
+            first: nodes.start,
+            // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
+            nodes: unsafe { slice::from_raw_parts(self.nodes.add(nodes.start), nodes.len()) },
+            // SAFETY: as above.
+            old: self.old.map_or(&[], |all| unsafe {
+                let numbers = Layout::<D>::OLD;
+                slice::from_raw_parts(all.add(nodes.start * numbers), nodes.len() * numbers)
+            }),
+        }
+    }
+
+    fn nodes_of(&self, planes: Range<usize>) -> Range<usize> {
+        let last = self.starts.len() - 1;
+        CHUNK * self.starts[planes.start.min(last)]..CHUNK * self.starts[planes.end.min(last)]
+    }
+}
+
+/// The slots of some planes, and gradients of their nodes' masses [kg/cell] to be written.
+pub struct Slopes<'a> {
+    pub slots: &'a [Slot],
+    pub values: &'a mut [f32x4],
+}
+
+/// The slots of some planes, which one thread may write while others write those of other planes.
+pub struct FieldWindow<'a, const D: usize> {
+    map: FieldMap<'a>,
+    starts: &'a [usize],
+    /// Number of the first node.
+    pub first: usize,
+    pub slots: &'a [Slot],
+    pub nodes: &'a mut [f32x4],
+    /// Gradients of the nodes' masses [kg/cell].
+    pub slopes: &'a [f32x4],
+    /// Empty unless materials differ in wall friction.
+    pub friction_mass: &'a mut [f32],
+    /// Rest volume; empty unless materials of one field differ in density.
+    pub volume: &'a mut [f32],
+    /// See `Grid`.
+    pub old: &'a mut [f32],
+}
+
+impl<const D: usize> FieldWindow<'_, D> {
+    /// Whether a stencil that starts at this node of the grid may touch a slot.
+    #[inline(always)]
+    pub fn near(&self, start: usize) -> bool {
+        self.map.near(start)
+    }
+
+    /// The places in `nodes` that stand for three nodes of the grid side by side; None where the grid's own do.
+    #[inline(always)]
+    pub fn places(&self, index: usize, field: u16) -> [Option<usize>; 3] {
+        let first = self.first;
+        self.map
+            .nodes(index, field)
+            .map(|node| node.map(|node| node - first))
+    }
+
+    /// Zeroes the nodes of some of the planes.
+    pub fn clear(&mut self, planes: Range<usize>) {
+        let last = self.starts.len() - 1;
+        let place = |plane: usize| CHUNK * self.starts[plane.min(last)] - self.first;
+        let places = place(planes.start)..place(planes.end);
+        self.nodes[places.clone()].fill(f32x4::ZERO);
+        for numbers in [&mut *self.friction_mass, &mut *self.volume] {
+            if !numbers.is_empty() {
+                numbers[places.clone()].fill(0.0);
+            }
+        }
+        if !self.old.is_empty() {
+            let numbers = Layout::<D>::OLD;
+            self.old[places.start * numbers..places.end * numbers].fill(0.0);
+        }
+    }
+}
+
+/// The nodes of the slots of some planes, to be read.
+#[derive(Clone, Copy)]
+pub struct FieldView<'a, const D: usize> {
+    map: FieldMap<'a>,
+    /// Number of the first node.
+    first: usize,
+    nodes: &'a [f32x4],
+    old: &'a [f32],
+}
+
+impl<const D: usize> FieldView<'_, D> {
+    /// Whether a stencil that starts at this node of the grid may touch a slot.
+    #[inline(always)]
+    pub fn near(&self, start: usize) -> bool {
+        self.map.near(start)
+    }
+
+    /// Writes three nodes side by side of a field that reaches them, its own or the grid's, and what they keep of before forces
+    /// (see `Grid`). Returns whether some are its own.
+    #[inline(always)]
+    pub fn row(
+        &self,
+        grid: View<'_, D>,
+        index: usize,
+        field: u16,
+        (to_nodes, to_old): (&mut [f32x4; 4], &mut [f32; 16]),
+    ) -> bool {
+        let places = self.map.nodes(index, field);
+        let numbers = Layout::<D>::OLD;
+        for step in 0..3 {
+            let (place, nodes, old) = match places[step] {
+                Some(place) => (place - self.first, self.nodes, self.old),
+                None => (index + step - grid.first, grid.nodes, grid.old),
+            };
+            to_nodes[step] = nodes[place];
+            if !old.is_empty() {
+                to_old[step * numbers..(step + 1) * numbers]
+                    .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
+            }
+        }
+        places[0].is_some() | places[2].is_some()
+    }
+
+    /// Masses of a field on a chunk [kg]; none where it does not reach.
+    pub fn masses(&self, grid: View<'_, D>, chunk: usize, field: u16) -> [f32; CHUNK] {
+        let nodes = match self.map.place(chunk * CHUNK, field) {
+            NodePlace::Slot(node) => Some(&self.nodes[node - self.first..]),
+            NodePlace::Grid if self.map.holders[chunk] != Holder::Nobody => {
+                Some(&grid.nodes[chunk * CHUNK - grid.first..])
+            }
+            _ => None,
+        };
+        nodes.map_or([0.0; CHUNK], |nodes| {
+            std::array::from_fn(|step| nodes[step].as_array()[3])
+        })
+    }
+}
