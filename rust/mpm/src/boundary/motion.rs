@@ -106,6 +106,11 @@ impl<const D: usize> Motion<D> {
         self.velocity.norm() + if turning > 0.0 { turning * radius } else { 0.0 }
     }
 
+    /// Whether all points keep their coordinate along an axis.
+    pub(super) fn keeps(&self, axis: usize) -> bool {
+        self.velocity[axis] == 0.0 && self.spin.iter().all(|w| *w == 0.0)
+    }
+
     /// Centre of rotation at time 0 [m].
     pub fn center(&self) -> Vector<D> {
         self.center

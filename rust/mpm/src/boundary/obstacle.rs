@@ -57,21 +57,24 @@ impl<const D: usize> Obstacle<D> {
 
     /// Returns the solid as it acts in a world of this length [m] with cells `dx` [m].
     ///
-    /// One at rest is extended through the walls that it ends on: a box whose face lies on a wall has no face there, nor has a polygon.
-    /// Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
+    /// It is extended through the walls that it ends on and stays on: a box whose face lies on a wall has no face there, nor has a
+    /// polygon at rest. Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
     pub(super) fn prepared(self, walls: &Walls<D>, length: f32, dx: f32) -> Self {
         let (on_wall, far) = (ON_WALL * length, FAR * length);
         let shape = match (&self.shape, self.motion) {
-            (Shape::Box { lower, upper }, None) => Shape::Box {
-                lower: Vector::from_fn(|axis, _| {
-                    let reaches = lower[axis] <= walls.lower[axis] + on_wall;
-                    lower[axis] - if reaches { far } else { 0.0 }
-                }),
-                upper: Vector::from_fn(|axis, _| {
-                    let reaches = upper[axis] >= walls.upper[axis] - on_wall;
-                    upper[axis] + if reaches { far } else { 0.0 }
-                }),
-            },
+            (Shape::Box { lower, upper }, motion) => {
+                let stays = |axis: usize| motion.is_none_or(|motion| motion.keeps(axis));
+                Shape::Box {
+                    lower: Vector::from_fn(|axis, _| {
+                        let reaches = lower[axis] <= walls.lower[axis] + on_wall;
+                        lower[axis] - if reaches && stays(axis) { far } else { 0.0 }
+                    }),
+                    upper: Vector::from_fn(|axis, _| {
+                        let reaches = upper[axis] >= walls.upper[axis] - on_wall;
+                        upper[axis] + if reaches && stays(axis) { far } else { 0.0 }
+                    }),
+                }
+            }
             (Shape::Surface(surface), None) => {
                 let within = [walls.lower, walls.upper];
                 let beyond = surface.through([&walls.lower, &walls.upper], on_wall, far);

@@ -65,6 +65,25 @@ fn a_piston_lifts_water_and_lets_none_through() {
 }
 
 #[test]
+fn a_plate_that_ends_on_walls_lets_nothing_along_them() {
+    let (speed, period) = (10.0, 0.125);
+    let swing = Some(Swing { period, phase: 0.0 });
+    let motion = Motion::new(Vector::from([0.0, speed]), &[], Vector::zeros(), swing).unwrap();
+    let mut settings = settings::<2>(64, vec![water()]);
+    settings.obstacles = vec![moving_box([0.1, 0.3], [0.9, 0.3078], FREE, motion)];
+    let bodies = Bodies::default().block(64, [0.1, 0.3178], [0.9, 0.5], [0.0, 0.0], 0);
+    let mut solver = bodies.solver(settings);
+    for frame in 1..=60 {
+        run(&mut solver, 1);
+        let turns = std::f32::consts::TAU * frame as f32 * FRAME / period;
+        let face = 0.3 + speed * period / std::f32::consts::TAU * turns.sin();
+        for x in positions(&solver).chunks(2) {
+            assert!(x[1] > face - 1.0e-5, "{x:?} below {face} in frame {frame}");
+        }
+    }
+}
+
+#[test]
 fn an_obstacle_that_moves_with_the_water_does_nothing() {
     let velocity = [0.8, -0.5];
     let drift = |obstacles| {
