@@ -22,6 +22,8 @@ mod solver;
 mod start;
 mod state;
 mod substep;
+#[cfg(test)]
+mod tests;
 mod upsampling;
 mod version;
 mod volume;

@@ -106,7 +106,7 @@ def double_dam_break(solver: MpmSolver, frames: int) -> float:
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("resolution", [64, 128])
 def test_water_keeps_its_volume_for_half_a_minute_after_two_dam_breaks(resolution: int) -> None:
-    """The twin of 10 s stands in rust/mpm/tests/solver/laws.rs."""
+    """The twin of 10 s stands in rust/mpm/src/tests/laws.rs."""
     water = Water()
     left = Box(material=water, lower=(0.1, 0.1), upper=(0.3, 0.5))
     right = Box(material=water, lower=(0.7, 0.1), upper=(0.9, 0.5))

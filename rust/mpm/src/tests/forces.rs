@@ -1,7 +1,7 @@
 //! External accelerations: for each particle, for all of them alike, and where particles come and go.
 
-use crate::common::{Bodies, FRAME, GRAVITY, run, sand, settings, velocities, water};
-use mpm::{Emitter, Force, Material, Openings, Shape, Sleep, Solver, SolverSettings, Vector};
+use super::common::{Bodies, FRAME, GRAVITY, run, sand, settings, velocities, water};
+use crate::{Emitter, Force, Material, Openings, Shape, Sleep, Solver, SolverSettings, Vector};
 
 #[test]
 fn external_acceleration_moves_each_particle_by_its_own() {

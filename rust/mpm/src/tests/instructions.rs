@@ -1,7 +1,7 @@
 //! The bits of a simulation do not depend on the vector instructions of the processor.
 
-use crate::common::{Bodies, elastic, liquid, run, sand, settings, water};
-use mpm::{Instructions, Sleep};
+use super::common::{Bodies, elastic, liquid, run, sand, settings, water};
+use crate::{Instructions, Sleep};
 
 /// The state after some frames of two bodies that fall into each other, in each set of instructions.
 fn check<const D: usize>(resolution: usize, transfer_loss: Option<f32>) {

@@ -1,7 +1,7 @@
 //! Errors of users, after which the state is unchanged.
 
-use crate::common::{Bodies, elastic, positions, run, settings, water};
-use mpm::{Force, Material, MpmError, Particles, Solver, Substeps};
+use super::common::{Bodies, elastic, positions, run, settings, water};
+use crate::{Force, Material, MpmError, Particles, Solver, Substeps};
 
 fn drop() -> Bodies {
     Bodies::default().block(32, [0.3, 0.3], [0.5, 0.5], [0.0, 0.0], 0)

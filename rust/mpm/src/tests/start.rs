@@ -1,7 +1,7 @@
 //! A start file gives the solver that wrote it, or is refused.
 
-use crate::common::{Bodies, elastic, liquid, run, sand, settings, water};
-use mpm::{
+use super::common::{Bodies, elastic, liquid, run, sand, settings, water};
+use crate::{
     CoarseParticles, Contact, ContactKind, Motion, MpmError, Obstacle, Particles, Shape, Solver,
     Start, Upsampler, UpsamplingConstants, Vector,
 };

@@ -1,9 +1,9 @@
 //! Obstacles act where their surface is.
 
-use crate::common::{
+use super::common::{
     BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, settings, velocities, water,
 };
-use mpm::{
+use crate::{
     Contact, ContactKind, Force, Material, Motion, Obstacle, Shape, Solver, SolverSettings,
     Surface, Vector, Walls,
 };

@@ -1,7 +1,7 @@
 //! Laws of bodies that meet.
 
-use crate::common::{Bodies, FRAME, GRAVITY, elastic, run, sand, settings, velocities, water};
-use mpm::{Contact, ContactKind, Force, Material, Solver, SolverSettings, Vector, Walls};
+use super::common::{Bodies, FRAME, GRAVITY, elastic, run, sand, settings, velocities, water};
+use crate::{Contact, ContactKind, Force, Material, Solver, SolverSettings, Vector, Walls};
 
 const SOFT: f32 = 3.0e5;
 
@@ -225,7 +225,7 @@ fn bodies_that_do_not_touch_move_as_if_they_were_one() {
     run(&mut apart, 20);
     run(&mut as_one, 20);
     let bits = |solver: &Solver<2>| {
-        let numbers = [crate::common::positions(solver), velocities(solver)].concat();
+        let numbers = [super::common::positions(solver), velocities(solver)].concat();
         numbers.iter().map(|s| s.to_bits()).collect::<Vec<_>>()
     };
     assert!(bits(&apart) == bits(&as_one));

@@ -1,7 +1,7 @@
 //! Regions at rest: which particles sleep, causes of waking, and effects on the result.
 
-use crate::common::*;
-use mpm::{
+use super::common::*;
+use crate::{
     Contact, ContactKind, Force, Motion, Obstacle, Shape, Sleep, Solver, SolverSettings, Vector,
 };
 

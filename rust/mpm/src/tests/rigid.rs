@@ -1,8 +1,8 @@
 //! Rigid bodies in a fluid.
 
-use mpm::{Pull, RigidBody, Shape, Solver, SolverSettings, Vector};
+use crate::{Pull, RigidBody, Shape, Solver, SolverSettings, Vector};
 
-use crate::common::{Bodies, positions, run, settings, water};
+use super::common::{Bodies, positions, run, settings, water};
 
 fn body<const D: usize>(shape: Shape<D>, density: f32) -> RigidBody<D> {
     RigidBody {

@@ -1,6 +1,6 @@
 //! Scenes for the tests: lattices of particles in the default box.
 
-use mpm::{
+use crate::{
     Contact, ContactKind, Force, Material, MpmError, Obstacle, Openings, Particles, Solver,
     SolverSettings, Substeps, Vector, Walls,
 };

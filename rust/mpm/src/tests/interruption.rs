@@ -3,8 +3,8 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use crate::common::{Bodies, elastic, settings, water};
-use mpm::{
+use super::common::{Bodies, elastic, settings, water};
+use crate::{
     Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings, Vector,
 };
 use threads::watched;

@@ -1,10 +1,10 @@
 //! Laws of whole simulations.
 
-use crate::common::{
+use super::common::{
     BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, liquid, positions, run, sand, settings,
     velocities, water,
 };
-use mpm::{Contact, ContactKind, Force, Material, Obstacle, Shape, Substeps, Vector};
+use crate::{Contact, ContactKind, Force, Material, Obstacle, Shape, Substeps, Vector};
 
 #[test]
 fn free_fall_matches_g_t_squared_over_two() {
@@ -235,7 +235,7 @@ fn total_energy_never_grows() {
         let resolution = 64;
         let bodies = Bodies::default().block(resolution, [0.3, 0.3], [0.5, 0.5], [2.0, 1.0], 0);
         let mut solver = bodies.solver(settings::<2>(resolution, vec![material]));
-        let energy = |s: &mpm::Solver<2>| {
+        let energy = |s: &crate::Solver<2>| {
             let d = s.diagnostics();
             d.kinetic_energy + d.potential_energy + d.elastic_energy
         };

@@ -1,7 +1,7 @@
 //! Laws of particles that lose their deviations from the grid's velocity at a rate per time.
 
-use crate::common::{Bodies, elastic, positions, run, sand, settings, velocities, water};
-use mpm::{
+use super::common::{Bodies, elastic, positions, run, sand, settings, velocities, water};
+use crate::{
     Contact, ContactKind, Force, Material, MpmError, Obstacle, Shape, Solver, SolverSettings,
     Substeps, Vector, Walls,
 };
@@ -181,7 +181,7 @@ fn a_rate_that_is_negative_or_no_number_is_refused() {
         settings.transfer_loss = Some(rate);
         let bodies = Bodies::default().block(64, [0.4, 0.4], [0.5, 0.5], [0.0, 0.0], 0);
         let mass = vec![1.0; bodies.volume.len()];
-        let particles = mpm::Particles {
+        let particles = crate::Particles {
             x: &bodies.x,
             v: &bodies.v,
             material: &bodies.material,

@@ -1,4 +1,5 @@
-//! The laws of the solver on real scenes, as one program: each would compile the whole solver anew.
+//! The laws of the solver on real scenes. They are part of the crate, because programs beside it would compile the whole solver
+//! anew.
 
 mod common;
 mod contact;

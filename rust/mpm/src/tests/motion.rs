@@ -1,9 +1,9 @@
 //! Obstacles in prescribed motion.
 
-use crate::common::{
+use super::common::{
     Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities, water,
 };
-use mpm::{
+use crate::{
     Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings,
     Substeps, Swing, Vector,
 };
@@ -211,7 +211,7 @@ fn a_mirrored_paddle_gives_the_mirrored_splash() {
 }
 
 /// A block on a belt whose surface moves, started at rest; its velocity along the belt after a time.
-fn on_a_belt(material: mpm::Material, friction: f32, belt: f32, frames: usize) -> f64 {
+fn on_a_belt(material: crate::Material, friction: f32, belt: f32, frames: usize) -> f64 {
     let shape = Shape::HalfSpace {
         point: Vector::<2>::new(0.5, 0.25),
         normal: Vector::<2>::new(0.0, 1.0),
@@ -365,7 +365,7 @@ fn substeps_follow_the_speed_of_an_obstacle() {
     assert_eq!(report.bound.name(), "obstacle");
     let travelled = 200.6 * report.smallest_dt * 64.0;
     assert!(
-        travelled <= mpm::DEFAULT_SPEED_CFL && travelled > 0.9 * mpm::DEFAULT_SPEED_CFL,
+        travelled <= crate::DEFAULT_SPEED_CFL && travelled > 0.9 * crate::DEFAULT_SPEED_CFL,
         "{travelled}"
     );
     assert!(matches!(
