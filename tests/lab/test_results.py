@@ -84,7 +84,12 @@ def test_rows_of_other_ingredients_are_outdated() -> None:
 
 def test_stale_results_are_listed_and_made_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     row = provenance.provenance("python -m hybridmpm_lab coarse").stamped({"error": 0.5})
-    for name, version in (("coarse", 1), ("models", SOLVER_VERSION), ("hybrid", SOLVER_VERSION)):
+    for name, version in (
+        ("coarse", 1),
+        ("models", SOLVER_VERSION),
+        ("hybrid", SOLVER_VERSION),
+        ("mpm-gpu", 1),
+    ):
         write_rows(tmp_path / f"{name}.json", [row | {"solver_version": version}])
     listed = (
         results.Result(name="coarse", command="coarse --scenes 2", minutes=3, has_runs=True),
@@ -97,16 +102,18 @@ def test_stale_results_are_listed_and_made_in_order(tmp_path: Path, monkeypatch:
             after="plan-errors a b",
         ),
         results.Result(name="hybrid", command="hybrid", minutes=5),
+        results.Result(name="mpm-gpu", command="speed", minutes=2, needs_gpu=True),
     )
     monkeypatch.setattr(results, "FOLDER", tmp_path)
     monkeypatch.setattr(results, "RESULTS", listed)
     done = CliRunner().invoke(cli, ["all", "--stale"])
     assert done.exit_code == 0, done.output
-    head, first, second, last = done.stdout.splitlines()
+    head, first, second, third, last = done.stdout.splitlines()
     assert head.split() == ["result", "minutes", "needs", "command", "reason"]
     assert "solver version 1" in first
     assert "needs coarse" in second
-    assert last == "2 of 3 results are stale; making them takes 7 minutes"
+    assert third.startswith("mpm-gpu")
+    assert last == "3 of 4 results are stale; making them takes 9 minutes"
 
     made: list[list[str]] = []
 
@@ -114,7 +121,9 @@ def test_stale_results_are_listed_and_made_in_order(tmp_path: Path, monkeypatch:
         returncode = 0
 
     monkeypatch.setattr("subprocess.run", lambda words, **_: made.append(words[3:]) or Done())
-    assert CliRunner().invoke(cli, ["all", "--runs", str(tmp_path)]).exit_code == 0
+    monkeypatch.setattr(results, "has_gpu", lambda: False)
+    done = CliRunner().invoke(cli, ["all", "--runs", str(tmp_path)])
+    assert (done.exit_code, "mpm-gpu needs a GPU of CUDA, and stays as it is" in done.stdout) == (0, True)
     assert made == [
         ["coarse", "--scenes", "2", "--json", str(tmp_path / "coarse.json"),
          "--chart", str(tmp_path / "coarse.svg"), "--runs", str(tmp_path / "coarse.jsonl")],

@@ -101,6 +101,14 @@ def gpu_model() -> str:
         raise ConfigError("nvidia-smi finds no GPU on this machine; choose the device cpu") from None
 
 
+def has_gpu() -> bool:
+    """Return whether `gpu_model` finds a GPU."""
+    try:
+        return bool(gpu_model())
+    except ConfigError:
+        return False
+
+
 def outdated(row: Row) -> str | None:
     """Return which ingredient of a row is no longer the one that ships; None where all are.
 

@@ -9,7 +9,7 @@ import click
 
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.store import SHIPPED
-from hybridmpm_lab.harness.provenance import outdated
+from hybridmpm_lab.harness.provenance import has_gpu, outdated
 from hybridmpm_lab.harness.rows import Row, print_table, read_rows
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs/results"
@@ -32,6 +32,8 @@ class Result:
     """Whether the command draws."""
     has_runs: bool = False
     """Whether the command can be resumed."""
+    needs_gpu: bool = False
+    """Whether the command needs a GPU of CUDA."""
     after: str | None = None
     """Command that passes the rows on."""
 
@@ -57,8 +59,17 @@ class Result:
 
 _PEERS = "--peer taichi --peer quadrants"
 _BASELINES = "--baseline taichi --baseline quadrants --baseline warp"
+_GPU = "--device cuda --baseline warp --baseline taichi --threads 2 --threads 16"
 RESULTS = (
     Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),
+    Result(name="mpm-gpu", command=f"speed {_GPU}", minutes=3, needs_gpu=True),
+    Result(
+        name="networks-gpu",
+        command="networks --device cuda --way eager --way captured --way compiled",
+        minutes=10,
+        has_chart=False,
+        needs_gpu=True,
+    ),
     Result(name="packages", command="packages", minutes=5, has_chart=False),
     Result(name="scaling", command="scaling", minutes=10),
     Result(name="batch", command="batch --scenes 16 --scenes 256", minutes=2, has_chart=False),
@@ -135,6 +146,9 @@ def all(*, stale: bool, runs: Path) -> None:  # noqa: A001 - the name of the com
         return
     runs.mkdir(parents=True, exist_ok=True)
     for one, _ in found.values():
+        if one.needs_gpu and not has_gpu():
+            click.echo(f"{one.name} needs a GPU of CUDA, and stays as it is")
+            continue
         for words in (one.words(runs), (one.after or "").split()):
             command = [sys.executable, "-m", "hybridmpm_lab", *words]
             if words and subprocess.run(command, check=False).returncode:  # noqa: S603 - constants

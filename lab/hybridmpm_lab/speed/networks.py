@@ -43,14 +43,14 @@ class NetworksSettings:
 
     scenario: tuple[str, ...] = scenarios_setting(("water_2d", "sand_2d", "water_3d", "sand_3d"))
     device: str = setting("auto", "Device of the networks: cpu, cuda, or the best, auto.", str)
-    way: str = setting("eager", "How torch runs the networks; all but the first need cuda.", WAYS)
+    way: tuple[str, ...] = setting(("eager",), "How torch runs them; all but eager need cuda.", WAYS)
     threads: tuple[int, ...] = setting((1, 2), "Number of threads of the solver.", low=1, high=1024)
     repeats: int = setting(25, "Number of timings of each.", low=1, high=1000)
 
     @property
     def steps(self) -> int:
         """Number of rows."""
-        return len(self.scenario) * (len(_RATIOS) + 1 + 2 * len(self.threads))
+        return len(self.scenario) * ((len(_RATIOS) + 1) * len(self.way) + 2 * len(self.threads))
 
 
 def measure(settings: NetworksSettings, on_progress: Progress) -> Iterator[Row]:
@@ -70,7 +70,9 @@ def measure(settings: NetworksSettings, on_progress: Progress) -> Iterator[Row]:
     calibration = Calibration(max(settings.threads))
     for scenario in settings.scenario:
         before = calibration.slowdown()
-        networks = [_Network(spec, scenario, device, settings.way) for spec in _specs(scenario)]
+        networks = [
+            _Network(spec, scenario, device, way) for way in settings.way for spec in _specs(scenario)
+        ]
         solvers = [
             (label, threads, _in_splash(scenario, threads, **how))
             for label, how in (
@@ -98,7 +100,7 @@ def measure(settings: NetworksSettings, on_progress: Progress) -> Iterator[Row]:
                 "r_p": round(network.spec.r_p, 4),
                 "r_t": network.spec.r_t,
                 "device": name,
-                "way": settings.way,
+                "way": network.way,
                 "particles": network.count,
                 "edges": network.edges,
                 "ms_per_frame": round(step, 4),
@@ -139,7 +141,7 @@ class _Network:
     """A network on a device, at positions in mid-splash."""
 
     def __init__(self, spec: NetworkSpec, scenario: str, device: torch.device, way: str) -> None:
-        self.spec, self._device = spec, device
+        self.spec, self.way, self._device = spec, way, device
         zeros, ones = (0.0,) * spec.dim, (1e-3,) * spec.dim
         scales = Normalization(
             velocity_mean=zeros,
