@@ -41,10 +41,13 @@ def measured(folder: Path, *arguments: str, chart: bool = True) -> tuple[str, li
 
 
 def test_rows_of_the_solver(tmp_path: Path) -> None:
-    arguments = ["--particles", "216", "--particles", "512", "--threads", "2", "--threads", "1"]
-    printed, rows = measured(tmp_path, "speed", *arguments, "--frame", "20")
-    expected = [(*case, n, t) for n in (216, 512) for case in solver.CASES for t in (2, 1)]
+    sizes = ["--particles", "216", "--particles", "512", "--threads", "2", "--threads", "1"]
+    sets = ["--instructions", "portable", "--instructions", "avx2"]
+    printed, rows = measured(tmp_path, "speed", *sizes, *sets, "--frame", "20")
+    expected = [(*case, n, t) for n in (216, 512) for case in solver.CASES for _ in range(2) for t in (2, 1)]
     assert [(row["dim"], row["material"], row["particles"], row["threads"]) for row in rows] == expected
+    assert [row["instructions"] for row in rows[:2]] == ["portable"] * 2
+    assert {row["instructions"] for row in rows[2:4]} <= {"portable", "avx2"}
     for row in rows:
         assert set(row) == TIMES | {"material"}
         assert f"{row['ns_per_particle_substep']}" in printed

@@ -58,7 +58,9 @@ class Result:
 
 
 _PEERS = "--peer taichi --peer quadrants"
-_BASELINES = "--baseline taichi --baseline quadrants --baseline warp"
+_BASELINES = (
+    "--baseline taichi --baseline quadrants --baseline warp --instructions avx512 --instructions avx2"
+)
 _GPU = "--device cuda --baseline warp --baseline taichi --threads 2 --threads 16"
 RESULTS = (
     Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),

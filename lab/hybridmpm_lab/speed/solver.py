@@ -48,6 +48,11 @@ class SolverSettings:
         (120,), "Frames before: at 0 the block flies, at 120 it splashes.", low=0, high=10_000
     )
     threads: tuple[int, ...] = setting((1, 2), "Number of threads of our solver.", low=1, high=1024)
+    instructions: tuple[str, ...] = setting(
+        ("avx512",),
+        "Widest vector instructions of our solver, as far as the processor has them.",
+        INSTRUCTIONS,
+    )
     baseline: tuple[str, ...] = setting(
         (), "Package of a plain solver to be timed by turns; the fastest of all their ways counts.", SOLVERS
     )
@@ -62,7 +67,7 @@ class SolverSettings:
     @property
     def steps(self) -> int:
         """Number of rows."""
-        return len(self.blocks) * len(self.threads)
+        return len(self.blocks) * len(self.instructions) * len(self.threads)
 
 
 def falling_block(dim: int, material: str, particles: int, resolution: int | None = None) -> Scene:
@@ -126,7 +131,10 @@ def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
 
 
 def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Sequence[Baseline]) -> list[Row]:
-    solvers = {count: MpmSolver(scene, substeps="reference", threads=count) for count in settings.threads}
+    solvers = {
+        (widest, threads): MpmSolver(scene, substeps="reference", threads=threads)
+        for widest, threads in product(settings.instructions, settings.threads)
+    }
     first = next(iter(solvers.values()))
     first.advance(run_up)
     require_sane(first)
@@ -136,13 +144,14 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
     substeps = first.last_frame.substeps if first.last_frame else 0
     frames = min(20, max(4, math.ceil(_PIECE / count)))
 
-    def restore(solver: MpmSolver) -> None:
+    def restore(widest: str, solver: MpmSolver) -> None:
+        _core.limit_instructions(widest)
         solver.restore(start)
         solver.advance(1)  # untimed: it touches the memory that the others use
 
     calls = [
-        TimedCall(prepare=partial(restore, solver), call=partial(solver.advance, frames))
-        for solver in solvers.values()
+        TimedCall(prepare=partial(restore, widest, solver), call=partial(solver.advance, frames))
+        for (widest, _), solver in solvers.items()
     ]
     others = []
     for baseline in baselines:
@@ -153,6 +162,8 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
         for baseline, _, way, _ in others
     ]
     times = seconds_by_turns(calls, settings.repeats)
+    in_use = {widest: _core.limit_instructions(widest) for widest in settings.instructions}
+    _core.limit_instructions(INSTRUCTIONS[-1])
     for baseline, name, way, _ in others:
         require_agreement(first.positions, baseline.positions(way), scene, f"{name}, {way}")
 
@@ -172,7 +183,7 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
             "resolution": scene.resolution,
             "frame": run_up,
             "threads": threads,
-            "instructions": _core.limit_instructions(INSTRUCTIONS[-1]),
+            "instructions": in_use[widest],
             "substeps": substeps,
             "ns_per_particle_substep": mine,
             "spread": round(float(high / low) - 1, 3),
@@ -180,7 +191,7 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
             **peer,
             "ratio": peer["peer_ns"] and round(peer["peer_ns"] / mine, 2),
         }
-        for threads, mine, (low, high) in zip(solvers, ns, quartiles, strict=False)
+        for (widest, threads), mine, (low, high) in zip(solvers, ns, quartiles, strict=False)
     ]
 
 
