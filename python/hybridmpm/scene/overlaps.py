@@ -1,7 +1,8 @@
 """Parts of a drawing that overlap: the closed lines around what is seen of them."""
 
+import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,16 +22,28 @@ _MOST_PARTS, _MOST_PAIRS = 2000, 2000
 _NEAR = 4.0
 """Cells within which a traced corner is one of the drawing's."""
 
-Part = tuple[Sequence[Points], bool]
-"""Closed lines (K, 2) of an element, and whether its fill rule is nonzero, else even-odd."""
+_Layer = tuple[bool, list[list[int]]]
+"""Whether parts that are drawn one after another are white, and their groups."""
 _Mask = npt.NDArray[np.bool_]
+
+
+class Part(NamedTuple):
+    """What an element of a drawing draws."""
+
+    lines: Sequence[Points]
+    """Closed lines (K, 2)."""
+    is_nonzero: bool
+    """Whether its fill rule is nonzero, else even-odd."""
+    is_white: bool
+    """Whether it hides what is below it, as paper does."""
 
 
 def as_seen(parts: Sequence[Part]) -> list[Points]:
     """Return the closed lines (K, 2) around what is seen of the parts of a drawing.
 
-    Parts that overlap are one; a part within another one is a hole. Where the even-odd rule says the same,
-    the lines are those that are given, else they are traced to a part in 1600 of the size.
+    Parts that overlap are one; a part within another one is a hole, and what is white hides what was drawn
+    before, unless all is white. Where the even-odd rule says the same, the lines are those that are given,
+    else they are traced to a part in 1600 of the size.
 
     Raises
     ------
@@ -39,16 +52,27 @@ def as_seen(parts: Sequence[Part]) -> list[Points]:
     DataError
         There are too many parts.
     """
-    lines = [line for part, _ in parts for line in part]
+    if any(not part.is_white for part in parts):
+        # Paper at the bottom is not seen.
+        parts = list(itertools.dropwhile(lambda part: part.is_white, parts))
+    else:
+        parts = [part._replace(is_white=False) for part in parts]
+    if len(parts) > _MOST_PARTS:
+        text = f"the drawing has {len(parts)} parts, at most {_MOST_PARTS} are allowed"
+        raise DataError(f"{text}; leave some out, or take it in parts")
+    lines = [line for part in parts for line in part.lines]
     points = np.concatenate(lines)
     low, high = points.min(axis=0), points.max(axis=0)
     raster = _Raster(low, (high - low).max() / _COARSE, high)
-    groups = _grouped(raster, parts)
-    seen, simple = raster.seen(parts, groups), raster.filled(lines, nonzero=False)
+    layers: list[_Layer] = []
+    for is_white, run in itertools.groupby(range(len(parts)), lambda part: parts[part].is_white):
+        members = list(run)
+        layers.append((is_white, [members] if is_white else _grouped(raster, parts, members)))
+    seen, simple = raster.seen(parts, layers), raster.filled(lines, nonzero=False)
     if np.count_nonzero(seen != simple) <= _SOME * np.count_nonzero(seen):
         return lines
     fine = _Raster(low, (high - low).max() / _FINE, high)
-    return [_snapped(line, points, _NEAR * fine.side) for line in fine.traced(fine.seen(parts, groups))]
+    return [_snapped(line, points, _NEAR * fine.side) for line in fine.traced(fine.seen(parts, layers))]
 
 
 def _snapped(line: Points, points: Points, reach: float) -> Points:
@@ -63,28 +87,25 @@ def _snapped(line: Points, points: Points, reach: float) -> Points:
     return np.array(found)
 
 
-def _grouped(raster: "_Raster", parts: Sequence[Part]) -> list[list[int]]:
-    """Return the groups of parts that overlap without one being within the other."""
-    if len(parts) > _MOST_PARTS:
-        text = f"the drawing has {len(parts)} parts, at most {_MOST_PARTS} are allowed"
-        raise DataError(f"{text}; leave some out, or take it in parts")
-    corners = [np.concatenate(lines) for lines, _ in parts]
+def _grouped(raster: "_Raster", parts: Sequence[Part], members: list[int]) -> list[list[int]]:
+    """Return the groups of some parts that overlap without one being within the other."""
+    corners = [np.concatenate(parts[member].lines) for member in members]
     low = np.array([points.min(axis=0) for points in corners])
     high = np.array([points.max(axis=0) for points in corners])
     beside = ((low[:, None] < high) & (high[:, None] > low)).all(axis=-1)
     pairs = np.argwhere(np.triu(beside, 1))
     if len(pairs) > _MOST_PAIRS:
         raise DataError(f"{len(parts)} parts overlap in too many ways; unite them in the drawing program")
-    masks = {part: raster.filled(*parts[part]) for part in np.unique(pairs).tolist()}
-    areas = {part: np.count_nonzero(mask) for part, mask in masks.items()}
-    group = list(range(len(parts)))
+    masks = {one: raster.drawn(parts[members[one]]) for one in np.unique(pairs).tolist()}
+    areas = {one: np.count_nonzero(mask) for one, mask in masks.items()}
+    group = list(range(len(members)))
     for one, other in pairs.tolist():
         both, small = np.count_nonzero(masks[one] & masks[other]), min(areas[one], areas[other])
         is_within = both >= (1 - _SOME) * small and small < (1 - _SOME) * max(areas[one], areas[other])
         if both > _SOME * small and not is_within:
             old, new = group[other], group[one]
             group = [new if number == old else number for number in group]
-    return [[part for part, number in enumerate(group) if number == first] for first in sorted(set(group))]
+    return [[members[k] for k, number in enumerate(group) if number == first] for first in sorted(set(group))]
 
 
 class _Raster:
@@ -94,7 +115,7 @@ class _Raster:
         self._low, self.side = low, side
         self._counts = np.ceil((high - low) / side).astype(np.int64) + 1
 
-    def filled(self, lines: Sequence[Points], nonzero: bool) -> _Mask:  # noqa: FBT001 - as a part has it
+    def filled(self, lines: Sequence[Points], *, nonzero: bool) -> _Mask:
         """Return the cells (X, Y) inside closed lines (K, 2), by the rule nonzero or even-odd."""
         start = np.concatenate(lines)
         end = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
@@ -111,14 +132,21 @@ class _Raster:
         winding = np.cumsum(turns, axis=1)[:, :-1]
         return np.asarray(winding != 0 if nonzero else winding % 2 == 1)
 
-    def seen(self, parts: Sequence[Part], groups: Sequence[Sequence[int]]) -> _Mask:
-        """Return the cells (X, Y) of an odd number of groups of parts, each of which is united."""
+    def drawn(self, part: Part) -> _Mask:
+        """Return the cells (X, Y) of a part."""
+        return self.filled(part.lines, nonzero=part.is_nonzero)
+
+    def seen(self, parts: Sequence[Part], layers: Sequence[_Layer]) -> _Mask:
+        """Return the cells (X, Y) that are seen: of a layer those of an odd number of its groups."""
         seen = np.zeros(self._counts, dtype=bool)
-        for group in groups:
-            united = np.zeros_like(seen)
-            for part in group:
-                united |= self.filled(*parts[part])
-            seen ^= united
+        for is_white, groups in layers:
+            layer = np.zeros_like(seen)
+            for group in groups:
+                united = np.zeros_like(seen)
+                for part in group:
+                    united |= self.drawn(parts[part])
+                layer ^= united
+            seen = seen & ~layer if is_white else seen | layer
         return seen
 
     def _beyond(self, x: Points, axis: int) -> npt.NDArray[np.int64]:

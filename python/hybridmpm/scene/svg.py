@@ -12,7 +12,7 @@ import numpy as np
 
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.fields import Points
-from hybridmpm.scene.overlaps import as_seen
+from hybridmpm.scene.overlaps import Part, as_seen
 
 _PIECES = 16
 """Straight pieces of a curve, or of a quarter of a circle."""
@@ -20,6 +20,7 @@ _SPACE = "{http://www.w3.org/2000/svg}"
 _GROUPS = {"svg", "g", "a", "switch", "symbol"}
 _SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
 _LENGTHS = {"x", "y", "width", "height", "cx", "cy", "r", "rx", "ry", "x1", "y1", "x2", "y2"}
+_WHITE = {"white", "#fff", "#ffffff", "rgb(255,255,255)", "rgb(100%,100%,100%)"}
 _TEXTS = {"d", "points", "transform"}
 _INHERITED = {"fill", "fill-rule", "stroke", "visibility"}
 _UNITS = {
@@ -67,10 +68,14 @@ def drawn_lines(path: Path) -> list[Points]:
         paths = flattened_paths(_Drawing(root).plain())
     except Exception as error:  # noqa: BLE001 - readers of damaged files raise whatever comes
         raise DataError(f"{path.name} cannot be read as SVG: {error}") from None
-    parts = [(_lines_of([one]), one.element.get("fill-rule") != "evenodd") for one in paths]
-    parts = [(lines, nonzero) for lines, nonzero in parts if lines]
-    _enclosing([line for lines, _ in parts for line in lines], path.name)
-    return as_seen(parts)
+    parts = []
+    for one in sorted(paths, key=lambda one: int(one.element.get("order"))):
+        lines = _lines_of([one])
+        if lines:
+            is_nonzero = one.element.get("fill-rule") != "evenodd"
+            parts.append(Part(lines, is_nonzero, is_white=one.element.get("fill") in _WHITE))
+    _enclosing([line for part in parts for line in part.lines], path.name)
+    return _enclosing(as_seen(parts), path.name)
 
 
 def path_lines(text: str) -> list[Points]:
@@ -149,6 +154,9 @@ class _Drawing:
                 # Lines that are only drawn have no fill, and so no rule.
                 rule = "evenodd" if seen["fill"] == "none" else seen.get("fill-rule", "nonzero")
                 shape.set("fill-rule", rule)
+                color = seen["stroke" if seen["fill"] == "none" else "fill"]
+                shape.set("fill", re.sub(r"\s", "", color).lower())
+                shape.set("order", str(self._parts))
                 yield shape
 
     def _group(

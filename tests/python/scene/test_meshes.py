@@ -267,6 +267,10 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         '<rect x="10" width="10" height="30"/><rect y="10" width="30" height="10"/>': 500 * (0.2 / 30) ** 2,
         '<circle cx="10" cy="10" r="10"/><rect x="10" width="30" height="20"/>': (np.pi * 50 + 600) / 1e4,
         f'{bar}<circle cx="20" cy="10" r="5" fill="white"/>': 0.08 - np.pi * 0.0025,
+        f'<rect width="400" height="400" fill="#FFF"/>{bar}': 0.08,
+        f'<g fill="white">{bar}</g>': 0.08,
+        f'{bar}<rect x="20" width="40" height="20"/><circle cx="20" cy="10" r="5" fill="white"/>'
+        '<circle cx="20" cy="10" r="2"/>': 0.12 - np.pi * 21e-4,
         '<path d="M0 0h40v20h-40zM10 5v10h10v-10z"/>': 0.07,
         '<path d="M0 0h40v20h-40zM10 5h10v10h-10z"/>': 0.08,
         '<g fill-rule="evenodd"><path d="M0 0h40v20h-40zM10 5h10v10h-10z"/></g>': 0.07,
