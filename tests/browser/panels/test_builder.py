@@ -1,6 +1,7 @@
 """A scene made by hand: its things are placed by mouse, finger and keyboard, checked, and simulated."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -187,6 +188,9 @@ def test_a_drawing_becomes_a_solid_or_a_body_and_a_bad_file_says_why(
     visit.errors.clear()  # the browser itself reports the status 422
     chosen.set_input_files(tmp_path / "ring.svg")
     expect(_things(visit)).to_have_count(1)
+    # A line of its own for each outline, none between them.
+    outlines = _things(visit).locator("path")
+    expect(outlines).to_have_attribute("d", re.compile(r"^M([^M]*L){4}[^M]*M([^M]*L){4}[^ML]*$"))
     visit.page.get_by_label("Height").fill("0.3")
     visit.page.get_by_label("Height").press("Tab")
     _press(visit, "water")

@@ -1,5 +1,6 @@
 // The pictures of a draft: an SVG in which each thing can be focused; in space one from the front and one from above, over what is shaded.
 
+import { edgesOf } from "../stage/scenery2d.js";
 import { outlineOf } from "./rigid.js";
 import { shade } from "./shading.js";
 import { outlineIn, surfaceOf } from "./space.js";
@@ -84,7 +85,9 @@ function shapeOf(view, { part, record }) {
     const [[x1, y1], [x2, y2]] = [to(record.start), to(record.end)];
     return element("line", { x1, y1, x2, y2, "stroke-width": Math.max(record.thickness * scale, 8), "stroke-linecap": "round" });
   }
-  return element("polygon", { points: pathOf((record.points ?? record.vertices).map(to)), "fill-rule": "evenodd" });
+  // Edges that follow each other are one line.
+  const lines = edgesOf(record.vertices.map(to)).map(([a, b], k, all) => (String(all[k - 1]?.[1]) === String(a) ? `L${b}` : `M${a}L${b}`));
+  return element("path", { d: lines.join(""), "fill-rule": "evenodd" });
 }
 
 /** A large quadrilateral of the picture on the solid side of a half-space; nothing of one whose surface is seen from above or below. */

@@ -75,19 +75,23 @@ export function drawFlatObstacle(context, view, obstacle) {
   context.stroke();
 }
 
-/** Draw a polygon by the even-odd rule; ways there and back, as lead to holes, have no edge. */
+/** Draw a polygon by the even-odd rule. */
 function drawPolygon(context, view, vertices) {
   traceWorld(context, view, vertices, true);
   context.fill("evenodd");
-  const ends = (k) => [vertices[k], vertices[(k + 1) % vertices.length]];
-  const nameOf = (k) => ends(k).map(String).sort().join(" ");
-  const times = new Map();
-  vertices.forEach((_, k) => times.set(nameOf(k), (times.get(nameOf(k)) ?? 0) + 1));
-  vertices.forEach((_, k) => {
-    if (times.get(nameOf(k)) % 2 === 0) return;
-    traceWorld(context, view, ends(k));
+  for (const ends of edgesOf(vertices)) {
+    traceWorld(context, view, ends);
     context.stroke();
-  });
+  }
+}
+
+/** The edges of a polygon in order; ways there and back, as lead to holes, are none. */
+export function edgesOf(vertices) {
+  const edges = vertices.map((start, k) => [start, vertices[(k + 1) % vertices.length]]);
+  const names = edges.map((ends) => ends.map(String).sort().join(" "));
+  const times = new Map();
+  for (const name of names) times.set(name, (times.get(name) ?? 0) + 1);
+  return edges.filter((_, k) => times.get(names[k]) % 2);
 }
 
 /** A large quadrilateral on the solid side of the half-space; the walls' frame hides what sticks out. */
