@@ -104,7 +104,8 @@ def check_target(path: Path, style: Style | None = None, *, dim: int | None = No
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise ExportError(f"output files end in {', '.join(SUFFIXES)}; got {path.name!r}")
+        plays = "; hybridmpm.play(scene, path) writes pages that play" if suffix == ".html" else ""
+        raise ExportError(f"output files end in {', '.join(SUFFIXES)}; got {path.name!r}{plays}")
     if not path.parent.is_dir():
         raise ExportError(f"the folder {path.parent} does not exist")
     if _NUMBER.search(path.name) and suffix not in _SINGLE:

@@ -166,6 +166,8 @@ def test_missing_encoder(tmp_path: Path, recording: Recording, monkeypatch: pyte
 def test_targets_that_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(ExportError):
         export.check_target(tmp_path / name)
+    with pytest.raises(ExportError, match=r"got 'a\.html'; hybridmpm\.play\(scene, path\) writes pages"):
+        export.check_target(tmp_path / "a.html")
     with pytest.raises(
         ExportError, match=r"recording must be a Recording, such as .*, got an object of type"
     ):
