@@ -182,8 +182,8 @@ def placed(lines: Sequence[Points], center: npt.ArrayLike, height: float, fine: 
     if sum(map(len, found)) <= _FEW_POINTS:
         return [np.ascontiguousarray(line) for line in found]
     area = _area(found)
-    for most in (_FEW_POINTS, MOST_CORNERS):
-        simple = _simpler(found, most, height / fine)
+    for most, finest in ((_FEW_POINTS, fine), (MOST_CORNERS, 16 * fine)):
+        simple = _simpler(found, most, height / finest)
         if simple and abs(_area(simple) - area) <= _AREA * area:
             return simple
     raise DataError(
@@ -202,7 +202,7 @@ def _simpler(lines: Sequence[Points], most: int, tolerance: float) -> list[Point
             return []
         simple = [line[simplified(np.vstack([line, line[:1]]), tolerance)[:-1]] for line in found]
         found = [line for line in simple if len(line) > 2]
-        tolerance *= 1.2
+        tolerance *= 1.5
     return [np.ascontiguousarray(line) for line in found]
 
 

@@ -16,8 +16,8 @@ _COARSE, _FINE = 400, 1600
 _SOME = 0.005
 """Part of the area of the smaller of two parts from which on they overlap, and of a part that may be lost."""
 
-_MOST_PARTS, _MOST_PAIRS = 2000, 2000
-"""Parts, and pairs of parts that may overlap."""
+_MOST_PARTS, _MOST_PAIRS, _MOST_LINES = 500, 2000, 200
+"""Parts, pairs of parts that may overlap, and lines around them: a polygon has 1000 corners."""
 
 _NEAR = 4.0
 """Cells within which a traced corner is one of the drawing's."""
@@ -72,7 +72,12 @@ def as_seen(parts: Sequence[Part]) -> list[Points]:
     if np.count_nonzero(seen != simple) <= _SOME * np.count_nonzero(seen):
         return lines
     fine = _Raster(low, (high - low).max() / _FINE, high)
-    return [_snapped(line, points, _NEAR * fine.side) for line in fine.traced(fine.seen(parts, layers))]
+    traced = fine.traced(fine.seen(parts, layers))
+    if len(traced) > _MOST_LINES:
+        text = f"the drawing has {len(traced)} outlines, at most {_MOST_LINES} are allowed"
+        raise DataError(f"{text}; leave some out, or take it in parts")
+    snapped = [_snapped(line, points, _NEAR * fine.side) for line in traced]
+    return [line for line in snapped if len(line) > 2]
 
 
 def _snapped(line: Points, points: Points, reach: float) -> Points:

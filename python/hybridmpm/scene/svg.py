@@ -19,7 +19,8 @@ _PIECES = 16
 _SPACE = "{http://www.w3.org/2000/svg}"
 _GROUPS = {"svg", "g", "a", "switch", "symbol"}
 _SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
-_LENGTHS = {"x", "y", "width", "height", "cx", "cy", "r", "rx", "ry", "x1", "y1", "x2", "y2"}
+_ACROSS, _DOWN = {"x", "width", "cx", "rx", "x1", "x2"}, {"y", "height", "cy", "ry", "y1", "y2"}
+_LENGTHS = _ACROSS | _DOWN | {"r"}
 _WHITE = {"white", "#fff", "#ffffff", "rgb(255,255,255)", "rgb(100%,100%,100%)"}
 _TEXTS = {"d", "points", "transform"}
 _INHERITED = {"fill", "fill-rule", "stroke", "visibility"}
@@ -120,6 +121,7 @@ class _Drawing:
         self._root = root
         self._named = {element.get("id"): element for element in root.iter() if element.get("id")}
         self._parts = 0
+        self._size = _size_of(root)
 
     def plain(self) -> ET.Element:
         """Return a group of groups and shapes alone, all of them seen, with plain numbers as lengths."""
@@ -143,6 +145,8 @@ class _Drawing:
         seen = inherited | {name: fields[name] for name in _INHERITED & fields.keys()}
         if fields.get("display") == "none" or fields.get("opacity") in {"0", "0%"}:
             return
+        if self._size is not None:
+            fields |= {name: _share(name, fields[name], self._size) for name in _LENGTHS & fields.keys()}
         if "transform" in _style(element.get("style", "")):
             raise DataError("transform stands in a style; it must be an attribute: save it as plain SVG")
         if kind == "use":
@@ -195,6 +199,32 @@ def _is_seen(style: dict[str, str]) -> bool:
 def _style(text: str) -> dict[str, str]:
     pairs = (part.partition(":") for part in text.split(";"))
     return {name.strip(): value.replace("!important", "").strip() for name, colon, value in pairs if colon}
+
+
+def _size_of(root: ET.Element) -> tuple[float, float] | None:
+    """Return width and height of a drawing, of which lengths may be percentages."""
+    box = root.get("viewBox", "").replace(",", " ").split()
+    try:
+        sides = box[2:] if len(box) == 4 else [root.get("width", ""), root.get("height", "")]
+        width, height = (_length("size", {"size": side}) for side in sides)
+    except DataError:
+        return None
+    return (width, height) if width > 0 and height > 0 else None
+
+
+def _share(name: str, text: str, size: tuple[float, float]) -> str:
+    """Return a length whose percentage is one of the drawing's size."""
+    number = text.strip().removesuffix("%")
+    if number == text.strip():
+        return text
+    width, height = size
+    across = (
+        width if name in _ACROSS else height if name in _DOWN else math.hypot(width, height) / math.sqrt(2)
+    )
+    try:
+        return repr(float(number) / 100 * across)
+    except ValueError:
+        return text
 
 
 def _length(name: str, fields: dict[str, str], absent: float = 0.0) -> float:
