@@ -24,6 +24,8 @@ from pydantic_core import CoreSchema, core_schema
 from hybridmpm._support.arguments import unmasked
 from hybridmpm.scene.fields import raise_faults
 
+_NAMED = 10
+"""Largest number of rows out of range that are named."""
 _FEWEST = 4
 """Smallest number of rows: no fewer corners or triangles enclose anything."""
 _LISTED = 1000
@@ -126,7 +128,7 @@ class Table:
         found = np.asarray(value) if isinstance(value, Rows) else unmasked("rows", value, error=ValueError)
         if not isinstance(found, np.ndarray) or not self._is_valid(found):
             # Faults are found one by one.
-            read = lists(found.tolist() if isinstance(found, np.ndarray) else found)
+            read = lists(self._with_few_faults(found) if isinstance(found, np.ndarray) else found)
             for place, row in enumerate(read):
                 if len(row) != 3:
                     text = "must have 3 numbers; a mesh is for dim 3 only"
@@ -134,6 +136,14 @@ class Table:
             found = np.array(read)
         is_whole = self._kind.kind == "u" and found.dtype != object
         return Rows(found.astype(np.int64 if is_whole else np.float64) if found.dtype != object else found)
+
+    def _with_few_faults(self, found: npt.NDArray[Any]) -> Any:
+        """Return an array as lists in which only some rows are out of range: each fault is an object."""
+        if found.dtype.kind in "fiu" and found.ndim == 2:
+            wrong = np.flatnonzero(~((found >= 0) & (found <= self._high)).all(axis=1))
+            found = found.copy()
+            found[wrong[_NAMED:]] = 0
+        return found.tolist()
 
     def _is_valid(self, found: npt.NDArray[Any]) -> bool:
         kinds = "iu" if self._kind.kind == "u" else "f"

@@ -190,6 +190,10 @@ def test_many_rows_are_one_text_in_files_and_come_back_with_their_bits(tmp_path:
         ({"triangles": "A" * 10_000_000}, "triangles: must have 200000 or fewer rows"),
         ({"triangles": wrong}, r"triangles\[1279\]: must be indices in \[0, 641\], got \[0, 1, 99999\]"),
         ({"triangles": text[: 16 * 100]}, "open edges"),
+        (
+            {"vertices": base64.b64encode(vertices * np.nan).decode()},
+            r"^.*vertices\[9\]\[2\]: must be in[^;]*$",
+        ),
         ({"vertices": ""}, "vertices: must have 4 or more items, got 0"),
         ({"vertices": far}, r"vertices\[0\]\[0\]: must be in \[0, 4096\] m, got 5000"),
     ]
