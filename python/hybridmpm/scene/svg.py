@@ -122,6 +122,13 @@ class _Drawing:
         self._named = {element.get("id"): element for element in root.iter() if element.get("id")}
         self._parts = 0
         self._size = _size_of(root)
+        self._classes: dict[str, dict[str, str]] = {}
+        sheets = "".join(
+            sheet.text or "" for sheet in root.iter() if sheet.tag in {f"{_SPACE}style", "style"}
+        )
+        for names, style in re.findall(r"([^{}]+)\{([^{}]*)\}", re.sub(r"(?s)/\*.*?\*/", "", sheets)):
+            for name in re.findall(r"\.([\w-]+)\s*(?:,|$)", names.strip()):
+                self._classes[name] = self._classes.get(name, {}) | _style(style)
 
     def plain(self) -> ET.Element:
         """Return a group of groups and shapes alone, all of them seen, with plain numbers as lengths."""
@@ -141,7 +148,10 @@ class _Drawing:
         if depth > _DEEPEST or self._parts > _MOST_PARTS:
             raise DataError(f"it has more than {_MOST_PARTS} parts, or {_DEEPEST} within each other")
         kind = element.tag.removeprefix(_SPACE)
-        fields = dict(element.attrib) | _style(element.get("style", ""))
+        fields = dict(element.attrib)
+        for name in element.get("class", "").split():
+            fields |= self._classes.get(name, {})
+        fields |= _style(element.get("style", ""))
         seen = inherited | {name: fields[name] for name in _INHERITED & fields.keys()}
         if fields.get("display") == "none" or fields.get("opacity") in {"0", "0%"}:
             return

@@ -260,6 +260,8 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         frame.format('display="none"'): 0.08,
         frame.format('style="display: none !important"'): 0.08,
         frame.format('visibility="hidden"'): 0.08,
+        "<style>/* a */ .a, .b { display: none } .c{fill:#fff}</style>" + frame.format('class="x b"'): 0.08,
+        f'<style>.c{{fill:#fff}}</style>{bar}<rect class="c" x="30" width="20" height="20"/>': 0.06,
         frame.format('fill="none"'): 0.08,
         f'<g fill="none" stroke="red">{bar}</g>': 0.08,
         f'<rect width="0" height="400"/>{bar}': 0.08,
