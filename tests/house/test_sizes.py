@@ -131,8 +131,8 @@ LIMITS = {
     # 220 lines take rigid bodies into files of all kinds, onto meshes and into pages that play.
     # 190 lines build scenes in space, and pull at bodies in pages that play.
     # 45 lines time packages of others, and what grows.
-    # 400 lines give what other programs write, and what users get wrong.
-    "tests": (("tests/**.py",), 39_275),
+    # 430 lines give what other programs write, and what users get wrong.
+    "tests": (("tests/**.py",), 39_305),
     "tests of the laboratory": (("tests/lab/**.py",), 2_135),
 }
 """Patterns of git, and the most lines of the files that they match."""
