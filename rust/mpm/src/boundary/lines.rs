@@ -130,7 +130,8 @@ impl<const D: usize> Solids<D> {
 
     /// Whether another solid hides the surface of one at a point, given with those a little outside and inside.
     ///
-    /// In the corner where one stands on another, both act on the nodes below.
+    /// In the corner where one stands on another, both act on the nodes below. What moves hides nothing of what is at rest, whose
+    /// lines are found once.
     fn is_hidden(
         &self,
         index: usize,
@@ -139,8 +140,10 @@ impl<const D: usize> Solids<D> {
         inside: &Vector<D>,
     ) -> bool {
         let dx = self.layout.dx();
+        let hides = |other: usize| self.moves(index) || !self.moves(other);
         self.near(outside)
-            .filter(|other| *other != index && self.may_contain(*other, outside))
+            .filter(|other| *other != index && hides(*other))
+            .filter(|other| self.may_contain(*other, outside))
             .any(|other| {
                 let (distance, upward) = self.distance(other, outside);
                 let faces = || upward.dot(normal) < -0.5;

@@ -81,3 +81,31 @@ impl<const D: usize> Obstacles<D> {
         [nodes(0), if D == 3 { nodes(1) } else { 0..1 }]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::boundary::{Contact, ContactKind, Motion, Obstacle, Shape, Walls};
+    use crate::grid::Layout;
+
+    #[test]
+    fn what_moves_away_leaves_a_whole_floor() {
+        let contact = Contact {
+            kind: ContactKind::Separating,
+            friction: None,
+        };
+        let solid = |lower: [f32; 2], upper: [f32; 2]| {
+            let [lower, upper] = [lower, upper].map(Vector::from);
+            Obstacle::new(Shape::Box { lower, upper }, contact).unwrap()
+        };
+        let up = Motion::new(Vector::from([0.0, 1.0]), &[], Vector::zeros(), None).unwrap();
+        let floor = solid([0.0, 0.0], [1.0, 0.3]);
+        let gate = solid([0.4, 0.3], [0.6, 0.7]);
+        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
+        let layout = Layout::<2>::unit(32);
+        let lines = |list: Vec<Obstacle<2>>| Obstacles::new(list, &walls, &layout).lines;
+        let alone = lines(vec![floor.clone()]);
+        assert!(lines(vec![floor.clone(), gate.clone().moving(up)]) == alone);
+        assert!(lines(vec![floor, gate]) != alone);
+    }
+}
