@@ -1,8 +1,8 @@
 //! Where lines of nodes cross the surface of a solid.
 //!
 //! A line goes from a node outside along an axis, step by step: to the plane at the nearest point of a convex solid, which passes
-//! no part of it, or as far as the distance to another one. Nodes near to a convex solid are treated many at a time. Distances
-//! from facets differ too much in cost for that, and the lanes of WebAssembly are too few.
+//! no part of it, or as far as the distance to another one. Nodes near to a convex solid are treated many at a time, those near
+//! to facets one by one, for the costs of their distances differ. In WebAssembly many at a time would save no time.
 
 use super::lines::{BESIDE, LINE_CELLS, Line, ON_SURFACE, lowest_start};
 use super::motion::Pose;
@@ -247,7 +247,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
     }
 
     /// The crossings from those nodes that count, at distances `left` [cells], with the normals there.
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn crossing(
         &self,
         axis: usize,

@@ -141,7 +141,7 @@ impl<const D: usize> Shape<D> {
     }
 
     /// The same for several points. The bits of each do not depend on their number.
-    #[inline(always)]
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     pub fn distances<const N: usize>(&self, x: &[[f32; N]; D]) -> Distances<D, N> {
         match self {
             Self::Ball { center, radius } => {
