@@ -5,6 +5,7 @@ All simulations of a scene are timed by turns in short pieces: ours in this proc
 
 import contextlib
 import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -32,6 +33,7 @@ MAX_PARTICLES = 1_000_000
 INSTRUCTIONS = ("portable", "avx2", "avx512")
 """Sets of vector instructions, the narrowest first."""
 _PIECE = 200_000  # particle-frames of one timing; one of few frames would measure how memory is fetched
+_REST = 0.1  # seconds before a piece: threads of baselines spin for a while after their own
 _LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 
 _RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
@@ -145,6 +147,7 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
     frames = min(20, max(4, math.ceil(_PIECE / count)))
 
     def restore(widest: str, solver: MpmSolver) -> None:
+        time.sleep(_REST if baselines else 0)
         _core.limit_instructions(widest)
         solver.restore(start)
         solver.advance(1)  # untimed: it touches the memory that the others use
