@@ -5,7 +5,6 @@ All simulations of a scene are timed by turns in short pieces: ours in this proc
 
 import contextlib
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -33,7 +32,6 @@ MAX_PARTICLES = 1_000_000
 INSTRUCTIONS = ("portable", "avx2", "avx512")
 """Sets of vector instructions, the narrowest first."""
 _PIECE = 200_000  # particle-frames of one timing; one of few frames would measure how memory is fetched
-_REST = 0.1  # seconds before a piece: threads of baselines spin for a while after their own
 _LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 
 _RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
@@ -147,10 +145,15 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
     frames = min(20, max(4, math.ceil(_PIECE / count)))
 
     def restore(widest: str, solver: MpmSolver) -> None:
-        time.sleep(_REST if baselines else 0)
         _core.limit_instructions(widest)
+        # Untimed: cores that other pieces left idle are slow for some milliseconds, and their caches are cold.
+        solver.advance(frames)
         solver.restore(start)
-        solver.advance(1)  # untimed: it touches the memory that the others use
+        solver.advance(1)
+
+    def again(baseline: Baseline, way: str) -> None:
+        baseline.restore(way, frames)
+        baseline.restore(way, 1)
 
     calls = [
         TimedCall(prepare=partial(restore, widest, solver), call=partial(solver.advance, frames))
@@ -161,7 +164,7 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
         name, ways = baseline.start(scene, substeps, state)
         others += [(baseline, name, way, threads) for way, threads in ways.items()]
     calls += [
-        TimedCall(prepare=partial(baseline.restore, way, 1), call=partial(baseline.advance, way, frames))
+        TimedCall(prepare=partial(again, baseline, way), call=partial(baseline.advance, way, frames))
         for baseline, _, way, _ in others
     ]
     times = seconds_by_turns(calls, settings.repeats)
