@@ -146,7 +146,7 @@ def _timed(scene: Scene, run_up: int, settings: SolverSettings, baselines: Seque
 
     def restore(widest: str, solver: MpmSolver) -> None:
         _core.limit_instructions(widest)
-        # Untimed: cores that other pieces left idle are slow for some milliseconds, and their caches are cold.
+        # Untimed: cores that other pieces left idle are slow for milliseconds, and their caches are cold.
         solver.advance(frames)
         solver.restore(start)
         solver.advance(1)
