@@ -103,7 +103,6 @@ RESULTS = (
 _BEFORE = "of solver version 5; places of particles, obstacles, sand changed since; hours of an idle machine"
 STALE = {
     "neighbors": _BEFORE,
-    "stability-map": "of solver version 5, and its networks were trained anew",
 }
 """Results that are known to be stale, with the reason why nobody can make them today."""
 
