@@ -133,17 +133,17 @@ class Readings {
     return [room > 0 ? (filled * this.#about.spacing ** this.#dim) / room : NaN];
   }
 
-  submerged({ body, pieces, size, up, floorIsLow, beside, width, steps }) {
+  submerged({ body, corners, facets, up, floorIsLow, beside, width, steps }) {
     const dim = this.#dim;
     const { lower, upper } = this.#about;
-    const placed = placedPoints(this.#get("rigid"), body, pieces, dim);
+    const placed = placedPoints(this.#get("rigid"), body, corners, dim);
     const x = Array.from({ length: placed.length / dim }, (_, i) => Array.from(placed.subarray(dim * i, dim * (i + 1))));
     const ends = [Math.min, Math.max].map((end) => lower.map((_, axis) => end(...x.map((point) => point[axis]))));
-    const middle = lower.map((_, axis) => sum(x.map((point) => point[axis])) / x.length);
+    const middle = placedPoints(this.#get("rigid"), body, new Array(dim).fill(0), dim);
     const levels = [];
     for (let axis = 0; axis < dim; axis += 1) {
       for (const side of [-1, 1]) {
-        const place = middle.slice();
+        const place = Array.from(middle);
         place[axis] = ends[(side + 1) / 2][axis] + side * beside;
         const room = side * ([lower, upper][(side + 1) / 2][axis] - place[axis]);
         if (axis === up || room < width / 2) continue;
@@ -152,9 +152,16 @@ class Readings {
         levels.push(this.height({ up, floorIsLow, lower: low, upper: high, steps })[0]);
       }
     }
-    const level = sum(levels) / levels.length;
-    const height = (point) => (floorIsLow ? point[up] - lower[up] : upper[up] - point[up]);
-    return [sum(x.map((point) => between((level - height(point)) / size + 0.5, 0, 1))) / x.length];
+    const height = x.map((point) => (floorIsLow ? point[up] - lower[up] : upper[up] - point[up]));
+    const below = (level) => {
+      let volume = 0;
+      for (let first = 0; first < facets.length; first += dim) {
+        const facet = facets.slice(first, first + dim);
+        volume += across(facet.map((corner) => x[corner]), up) * depthOn(facet.map((corner) => level - height[corner]));
+      }
+      return volume;
+    };
+    return [below(sum(levels) / levels.length) / below(Math.max(...height))];
   }
 
   flow({ middle, axes, lower, upper }) {
@@ -274,6 +281,24 @@ function placedPoints(numbers, body, points, dim) {
     if (dim === 3) placed[i + 2] = cz + 2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c;
   }
   return placed;
+}
+
+/** Extent of a facet as seen along an axis, with a sign and up to a factor. */
+function across(corners, axis) {
+  const [first, ...others] = corners.map((corner) => corner.filter((_, i) => i !== axis));
+  const [a, b] = others.map((corner) => corner.map((value, i) => value - first[i]));
+  return b === undefined ? a[0] : a[0] * b[1] - a[1] * b[0];
+}
+
+/** Mean depth on a facet, 0 above the level, by the depths of its corners. */
+function depthOn(depths) {
+  const dim = depths.length;
+  const above = depths.filter((depth) => depth <= 0);
+  const under = depths.filter((depth) => depth > 0);
+  const cutOff = (single, others) => Math.abs(single) ** dim / (dim * product(others.map((other) => Math.abs(other - single))));
+  if (under.length === 0) return 0;
+  if (under.length === 1) return cutOff(under[0], above);
+  return sum(depths) / dim + (above.length === 0 ? 0 : cutOff(above[0], under));
 }
 
 /** Part of a cube's side around x that lies between two places. */

@@ -29,8 +29,6 @@ _STEPS = 4
 """Heights at which a column is looked at, for each spacing."""
 _BESIDE = 6.0
 """Distance of a column from the rigid body that it is beside [spacings]."""
-_PIECES = 1000
-"""Pieces in which a rigid body is cut to find how much of it is submerged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,30 +151,28 @@ class Submerged(Probe):
 
     def check(self, scene: Scene) -> None:
         """See `Probe.check`."""
-        self._pieces(scene)
+        self._facets(scene)
         HeightGauge(np.delete(scene.walls.lower, _up(scene))).check(scene)
 
-    def _pieces(self, scene: Scene) -> tuple[int, Floats, float]:
-        """Return the body's number, the middles (K, D) of its pieces in its own frame, and their side [m]."""
+    def _facets(self, scene: Scene) -> tuple[int, Floats, npt.NDArray[np.int32]]:
+        """Return the body's number, and its corners and facets as `Rigid.facets` does."""
         if not scene.rigid:
             raise ConfigError(f"body {self.body!r} does not exist: the scene has no rigid bodies")
         number = whole("body", self.body, 0, len(scene.rigid) - 1)
-        body = scene.rigid[number]
-        size = float((body.mass / body.density / _PIECES) ** (1 / scene.dim))
-        return number, body.filling(size), size
+        return number, *scene.rigid[number].facets()
 
     def read(self, simulator: Probed) -> Floats:
         """Return the part, ()."""
         scene, spacing = simulator.scene, simulator.particle_spacing
-        number, own, size = self._pieces(scene)
-        up = _up(scene)
-        x = placed(own, simulator.rigid_numbers()[number])
+        number, own, facets = self._facets(scene)
+        up, numbers = _up(scene), simulator.rigid_numbers()[number]
+        x = placed(own, numbers)
         walls = np.array([scene.walls.lower, scene.walls.upper])
         levels = []
         for axis in range(scene.dim):
             for side, end in ((-1, x.min(axis=0)), (1, x.max(axis=0))):
-                place = x.mean(axis=0)
-                place[axis] = end[axis] + side * (size / 2 + _BESIDE * spacing)
+                place = numbers[: scene.dim].copy()
+                place[axis] = end[axis] + side * _BESIDE * spacing
                 room = (side * (walls[(side + 1) // 2] - place))[axis]
                 if axis != up and room >= _COLUMN / 2 * spacing:
                     levels.append(HeightGauge(np.delete(place, up)).read(simulator))
@@ -184,25 +180,55 @@ class Submerged(Probe):
             return np.array(np.nan)
         floor_is_low = scene.gravity[up] < 0
         height = x[:, up] - walls[0, up] if floor_is_low else walls[1, up] - x[:, up]
-        return np.array(np.clip((np.mean(levels) - height) / size + 0.5, 0, 1).mean())
+        across = _across(x[facets], up)
+        below = _below(across, np.mean(levels) - height[facets])
+        return np.array(below / _below(across, height.max() - height[facets]))
 
     def plain(self, simulator: Probed) -> dict[str, Any]:
         """See `Probe.plain`."""
         scene, spacing = simulator.scene, simulator.particle_spacing
-        number, own, size = self._pieces(scene)
+        number, own, facets = self._facets(scene)
         up = _up(scene)
         return {
             "kind": "submerged",
             "body": number,
-            "pieces": own.ravel().tolist(),
-            "size": size,
+            "corners": own.ravel().tolist(),
+            "facets": facets.ravel().tolist(),
             "up": up,
             "floorIsLow": scene.gravity[up] < 0,
-            "beside": size / 2 + _BESIDE * spacing,
+            "beside": _BESIDE * spacing,
             "width": _COLUMN * spacing,
             "steps": _STEPS,
             "marks": [],
         }
+
+
+def _across(corners: Floats, up: int) -> Floats:
+    """Return the extents (T,) of facets with corners (T, D, D) as seen along gravity, with a sign."""
+    sides = np.delete(corners[:, 1:] - corners[:, :1], up, axis=2)
+    return np.asarray(np.linalg.det(sides))
+
+
+def _below(across: Floats, depth: Floats) -> float:
+    """Return the volume of a body below a level up to a factor, by its facets' depths (T, D) at corners [m].
+
+    By Gauss's theorem it is the integral of the depth over the submerged surface as seen along gravity.
+    The depth is linear on a facet; a corner alone on its side of the level cuts off a smaller facet there.
+    """
+    dim = depth.shape[1]
+    depth = np.sort(depth, axis=1)
+    above = (depth <= 0).sum(axis=1)
+
+    def cut_off(single: Floats, others: Floats) -> Floats:
+        parted = dim * np.prod(single + others, axis=1)
+        return np.asarray(np.divide(single[:, 0] ** dim, parted, out=np.zeros(len(depth)), where=parted > 0))
+
+    lowest, highest = cut_off(depth[:, -1:], -depth[:, :-1]), cut_off(-depth[:, :1], depth[:, 1:])
+    mean = depth.mean(axis=1)
+    parts = {0: mean, dim: 0 * mean, dim - 1: lowest}
+    return float(
+        across @ np.select([above == count for count in parts], list(parts.values()), mean + highest)
+    )
 
 
 @dataclass(frozen=True, eq=False)

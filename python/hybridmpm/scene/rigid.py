@@ -127,6 +127,18 @@ class Rigid(Shaped):
         # The middle of a body that is smaller than the lattice is all that there is of it.
         return own[inside | ~own.any(axis=1)]
 
+    def facets(self) -> tuple[Points, npt.NDArray[np.int32]]:
+        """Return the surface in the body's own frame: corners (K, D) [m], and those (T, D) of each facet.
+
+        Facets are edges in 2D, triangles in 3D, anticlockwise as seen from outside; round bodies have many.
+        """
+        if len(self.mass_center) == 3:
+            corners, _, triangles = self.mesh()
+            return corners, triangles
+        corners = self.own(self.outline())
+        here = np.arange(len(corners), dtype=np.int32)
+        return corners, np.stack([here, np.roll(here, -1)], axis=1)
+
     def _placed(self, numbers: Points) -> tuple[Points, Points]:
         """Return the centre of mass (D,) [m] and the matrix (D, D) of the turn since the start."""
         start = self._start_turn()

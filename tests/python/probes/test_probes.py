@@ -129,15 +129,24 @@ def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() ->
 def test_a_body_is_submerged_up_to_the_surface(dim: int) -> None:
     wide = {"world": {"size": [1.0] * dim}, "walls": {"lower": [0.1] * dim, "upper": [0.9] * dim}}
     water = {"shape": "box", "material": "water", "lower": [0.1] * dim, "upper": [0.9, 0.35, 0.9][:dim]}
-    for lower, expected in ((0.32, 0.15), (0.25, 0.5), (0.12, 1.0), (0.4, 0.0)):
-        box = {"shape": "box", "lower": [0.4, lower, 0.4][:dim], "upper": [0.6, lower + 0.2, 0.6][:dim]}
-        made = Scene.parse({"dim": dim, "resolution": 32, "bodies": [water], "rigid": [box], **wide})
-        assert float(MpmSolver(made).probe(Submerged(0))) == pytest.approx(expected, abs=0.05)
+
+    def share(**body: Any) -> float:
+        made = Scene.parse({"dim": dim, "resolution": 32, "bodies": [water], "rigid": [body], **wide})
+        return float(MpmSolver(made).probe(Submerged(0)))
+
+    for lower, expected in ((0.32, 0.15), (0.29, 0.3), (0.25, 0.5), (0.19, 0.8), (0.12, 1.0), (0.4, 0.0)):
+        top = [0.6, lower + 0.2, 0.6][:dim]
+        read = share(shape="box", lower=[0.4, lower, 0.4][:dim], upper=top)
+        assert read == pytest.approx(expected, abs=0.006), lower
+    # A ball, down to a depth of 0.7 radii.
+    part = (math.acos(0.3) - 0.3 * math.sqrt(1 - 0.3**2)) / math.pi if dim == 2 else 0.7**2 * (3 - 0.7) / 4
+    ball = share(shape="ball", center=[0.5, 0.38, 0.5][:dim], radius=0.1)
+    assert ball == pytest.approx(part, abs=0.006)
     # On its corner, up to the middle.
     box = {"shape": "box", "lower": [0.4, 0.25], "upper": [0.6, 0.45], "rotation": math.pi / 4}
     flat = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.35]}
     tilted = Scene.parse({"dim": 2, "resolution": 32, "bodies": [flat], "rigid": [box]})
-    assert float(MpmSolver(tilted).probe(Submerged(0))) == pytest.approx(0.5, abs=0.05)
+    assert float(MpmSolver(tilted).probe(Submerged(0))) == pytest.approx(0.5, abs=0.01)
     # No room beside it.
     walls = {"lower": [0.3, 0.1], "upper": [0.7, 0.9]}
     filled = flat | {"lower": [0.3, 0.1], "upper": [0.7, 0.3]}
