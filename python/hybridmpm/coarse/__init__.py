@@ -4,9 +4,11 @@ r_p is the number of coarse particles over that of the scene.
 """
 
 from hybridmpm.coarse.level import (
+    FULL,
     CoarseLevel,
     coarse_level,
     fastest_impact,
+    filled_share,
     settled_potential,
 )
 from hybridmpm.coarse.merging import FEWEST_PER_CELL, balanced_clusters, coarse_resolution, merge
@@ -17,6 +19,7 @@ from hybridmpm.coarse.upsampler import CoarseParticles, Upsampler
 
 __all__ = [
     "FEWEST_PER_CELL",
+    "FULL",
     "CoarseLevel",
     "CoarseParticles",
     "CoarseSimulator",
@@ -30,6 +33,7 @@ __all__ = [
     "coarse_table",
     "coarse_warnings",
     "fastest_impact",
+    "filled_share",
     "merge",
     "settled_potential",
 ]

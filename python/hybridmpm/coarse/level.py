@@ -14,6 +14,9 @@ from hybridmpm.coarse.table import CoarseTable, FittedLevel, coarse_table
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Emitter, Scene
 
+FULL = 0.97
+"""Share of the box between the walls [-] from which on matter has no free surface."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class CoarseLevel:
@@ -145,17 +148,21 @@ def _suggestion(name: object, ratios: dict[str, float]) -> str:
 
 
 def settled_potential(scene: Scene) -> float:
-    """Return the product g h [m^2/s^2], where h is the depth of all matter, settled between the walls.
+    """Return the product g h [m^2/s^2], where h is the depth of all matter, settled between the walls."""
+    sides = np.subtract(scene.walls.upper, scene.walls.lower)
+    return float(np.abs(scene.gravity) @ sides) * filled_share(scene)
+
+
+def filled_share(scene: Scene) -> float:
+    """Return the volume of all matter over that of the box between the walls [-].
 
     Matter of emitters counts up to the scene's suggested length. Obstacles count as free space.
     """
-    gravity = np.array(scene.gravity)
     sides = np.subtract(scene.walls.upper, scene.walls.lower)
-    height = np.abs(gravity) @ sides  # times g
     volume = sum(body.measure for body in scene.bodies)
     volume += sum(_emitted(scene, emitter) for emitter in scene.emitters)
     largest = scene.max_particles * scene.spacing**scene.dim
-    return float(height * min(volume, largest) / sides.prod())
+    return float(min(volume, largest) / sides.prod())
 
 
 def fastest_impact(scene: Scene) -> float:

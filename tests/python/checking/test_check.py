@@ -23,6 +23,7 @@ from hybridmpm.cli import cli
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
 
 SMALL = BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}
+IN_FULL_BOX = {"shape": "box", "material": "sand", "lower": [0.1, 0.1], "upper": [0.3, 0.3]}
 SLIVER = {"shape": "polygon", "material": "water", "vertices": [[0.2, 0.2], [0.21, 0.19], [0.4, 0.4]]}
 SPOUT = {
     "shape": "rectangle",
@@ -92,6 +93,15 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
         (
             {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, SMALL]},
             "warning", "bodies[0]", ["2 kg/m^3 beside 1000 kg/m^3"],
+        ),
+        (
+            {"bodies": [IN_FULL_BOX], "walls": {"lower": [0.1, 0.1], "upper": [0.3, 0.3]}},
+            "warning", "bodies[0]", ["fills its box, between walls 13 cells", "at least 32", "twentieth"],
+        ),
+        (
+            {"bodies": [IN_FULL_BOX | {"upper": [0.2, 0.5]}],
+             "walls": {"lower": [0.1, 0.1], "upper": [0.2, 0.9]}},
+            "warning", "bodies[0]", ["sand between walls 6.4 cells apart", "at least 7 cells"],
         ),
         (
             {"bodies": [BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}}]},
