@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hybridmpm.checking.report import Finding
-from hybridmpm.scene import Material, Obstacle, Sand, Scene
+from hybridmpm.scene import Material, Sand, Scene
 from hybridmpm.scene.fields import Points
 
 FAST = 0.5
@@ -51,7 +51,7 @@ def impact_speed(scene: Scene, material: Material) -> float:
     """
     mine = material.to_native(scene.potential_drop or 1.0)
     impedance = mine.density * mine.sound_speed
-    fastest = max((_obstacle_speed(scene, obstacle) for obstacle in scene.obstacles), default=0.0)
+    fastest = scene.fastest_obstacle
     for part in (*scene.bodies, *scene.emitters):
         speed = _speed_at_floor(scene, part.velocity or (0.0,) * scene.dim, part.bounds)
         if part.material != material:
@@ -70,20 +70,3 @@ def _speed_at_floor(scene: Scene, velocity: tuple[float, ...], bounds: tuple[Poi
     speed_squared = float(np.square(velocity).sum())
     lies = drop <= _CLOSE * float(np.abs(gravity).max())
     return float(np.sqrt(speed_squared + (0.0 if lies else 2 * drop)))
-
-
-def _obstacle_speed(scene: Scene, obstacle: Obstacle) -> float:
-    """Return the largest speed [m/s] of an obstacle's own motion, with its turning at the farthest corner."""
-    motion = obstacle.motion
-    if motion is None:
-        return 0.0
-    speed = math.hypot(*(motion.velocity or (0.0,)))
-    if motion.angular_velocity is None or motion.center is None:
-        return speed
-    places = {"lower", "upper", "center", "start", "end"} & obstacle.vector_fields().keys()
-    points = [getattr(obstacle, name) for name in places] or [scene.walls.lower, scene.walls.upper]
-    if obstacle.shape in {"polygon", "mesh"}:
-        points = list(obstacle.bounds)
-    reach = float(np.linalg.norm(np.abs(np.subtract(points, motion.center)).max(axis=0)))
-    reach += getattr(obstacle, "radius", 0.5 * getattr(obstacle, "thickness", 0.0))
-    return speed + float(np.linalg.norm(motion.angular_velocity)) * reach

@@ -5,7 +5,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hybridmpm.coarse.level import CoarseLevel, coarse_level, fastest_impact, settled_potential
+from hybridmpm.coarse.level import (
+    FULL,
+    CoarseLevel,
+    coarse_level,
+    fastest_impact,
+    filled_share,
+    settled_potential,
+)
 from hybridmpm.coarse.table import CoarseTable, coarse_table
 from hybridmpm.scene import Scene
 from hybridmpm.scene.gaps import lost_cells, narrow_gaps, wide_enough
@@ -29,8 +36,8 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
 
     Checked are the speed of impacts, obstacles and bodies thinner than a cell of the level's grid or elastic
     bodies thinner than two, rigid bodies thinner than four, gaps between solids, sinks of some cells, the
-    depth of matter at rest in cells, ratios of densities above 10, and `transfer_loss`. `MpmSolver` warns of
-    each with a `CoarseWarning`.
+    depth of matter at rest in cells, boxes that matter fills, ratios of densities above 10, and
+    `transfer_loss`. `MpmSolver` warns of each with a `CoarseWarning`.
 
     Parameters
     ----------
@@ -48,6 +55,7 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
         *_gap_warnings(scene, level),
         *_sink_warnings(scene, level),
         *_depth_warnings(scene, level),
+        *_full_warnings(scene, level),
         *_density_warnings(scene, level),
         *_loss_warnings(scene, level),
         *_rigid_warnings(scene, level),
@@ -55,7 +63,8 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
 
 
 def _speed_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
-    speed = fastest_impact(scene)
+    # What falls may be hit by what comes to meet it.
+    speed = fastest_impact(scene) + scene.fastest_obstacle
     if level.fastest is not None and speed > level.fastest:
         yield (
             f"this scene may reach {speed:.2g} m/s, but coarse level {level.name!r} was fitted up to "
@@ -74,6 +83,17 @@ def _depth_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
             f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} "
             f"is {_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse "
             "level of more particles"
+        )
+
+
+def _full_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn where matter has no free surface to which it could give way."""
+    share = filled_share(scene)
+    if share >= FULL and level.resolution < scene.resolution:
+        yield (
+            f"matter fills {share:.0%} of the box between the walls: coarse level {level.name!r} may let it "
+            "be pressed together, and its energy may double, where forces push it as hard as 10 g; "
+            "leave a twentieth of the box free, or take MpmSolver(scene), which simulates all particles"
         )
 
 

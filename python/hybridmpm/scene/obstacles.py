@@ -47,6 +47,24 @@ class _Obstacle(Shaped):
         still = self._at_rest()
         return still if self.motion is None else self.motion.applied_to(still)
 
+    def largest_speed(self, room: tuple[Point, Point]) -> float:
+        """Return the largest speed [m/s] of its motion, with its turning at the farthest corner.
+
+        A half space has no corners; those of the `room` (2, D) [m] take their place.
+        """
+        if self.motion is None:
+            return 0.0
+        speed = math.hypot(*(self.motion.velocity or (0.0,)))
+        if self.motion.angular_velocity is None or self.motion.center is None:
+            return speed
+        places = {"lower", "upper", "center", "start", "end"} & self.vector_fields().keys()
+        points: Sequence[Point] = [getattr(self, name) for name in places] or room
+        if isinstance(self, PolygonShape | MeshShape):
+            points = list(self.bounds)
+        reach = float(np.linalg.norm(np.abs(np.subtract(points, self.motion.center)).max(axis=0)))
+        reach += getattr(self, "radius", 0.5 * getattr(self, "thickness", 0.0))
+        return speed + float(np.linalg.norm(self.motion.angular_velocity)) * reach
+
     def _at_rest(self) -> _core.Obstacle:
         raise NotImplementedError
 

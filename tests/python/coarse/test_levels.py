@@ -18,6 +18,7 @@ from hybridmpm import (
     DataError,
     Elastic,
     InvertedError,
+    Motion,
     MpmSolver,
     Polygon,
     RectangularEmitter,
@@ -215,6 +216,31 @@ def test_a_scene_too_fast_is_told() -> None:
     ) as told:
         MpmSolver(Scene(dim=2, resolution=64, bodies=(body,)), coarse="1/16")
     assert told[0].filename == __file__
+
+
+def test_the_speed_of_a_paddle_counts_beside_that_of_the_fall() -> None:
+    def warnings_at(rate: float) -> list[str]:
+        paddle = BoxObstacle(
+            lower=(0.4, 0.2), upper=(0.6, 0.3), motion=Motion(angular_velocity=rate, center=(0.5, 0.25))
+        )
+        scene = Scene(dim=2, bodies=(block("water", (0.4, 0.3), (0.6, 0.5)),), obstacles=(paddle,))
+        return coarse_warnings(scene, coarse_level(scene, "1/16"))
+
+    # Its corners are .112 m from its centre, and the block falls at up to 2.8 m/s.
+    assert warnings_at(10) == []
+    (told,) = warnings_at(20)
+    assert "may reach 5 m/s" in told
+
+
+def test_a_box_that_is_full_is_told() -> None:
+    def warnings_of(height: float) -> list[str]:
+        body = block("water", (0.1, 0.1), (0.9, 0.1 + height))
+        scene = Scene(dim=2, resolution=64, bodies=(body,))
+        return coarse_warnings(scene, coarse_level(scene, "1/16"))
+
+    (told,) = warnings_of(0.8)
+    assert "matter fills 100% of the box" in told
+    assert warnings_of(0.76) == []
 
 
 @pytest.mark.parametrize("resolution", [128, 72, 64])
