@@ -12,6 +12,7 @@ import numpy.typing as npt
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from hybridmpm.checking import findings
 from hybridmpm.cli.progress import progress
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.errors import ConfigError, SimulationError
@@ -156,7 +157,8 @@ def judged(
     allowed = [ENERGY_GROWTH * (start.energy + one.work) + _REST_ENERGY * run.mass for one in run.looks]
     if any(one.energy > most for one, most in zip(run.looks, allowed, strict=True)):
         faults.append("energy")
-    crowding = truth.crowding() if truth else np.full(_QUARTERS, start.crowding)
+    # Below 1 matter is apart: where a particle lies within its cell is no crowding.
+    crowding = np.maximum(truth.crowding() if truth else np.full(_QUARTERS, start.crowding), 1.0)
     growth = DENSITY_GROWTH if all_simulated else SHOWN_DENSITY_GROWTH
     if (run.crowding() > growth * crowding).any():
         faults.append("density")
@@ -194,7 +196,7 @@ class Attempt(NamedTuple):
     run: Run | None
     """None where it did not come to its end."""
     signals: tuple[str, ...]
-    """Errors, warnings and alarms for the user, by name, each once."""
+    """Errors, warnings, alarms and `check` for the user, by name, each once."""
     refused: bool = False
     """Whether it was refused before any frame."""
 
@@ -219,8 +221,8 @@ class _Settings:
 def measure(settings: _Settings, origin: Provenance, runs_file: Path | None) -> list[Row]:
     """Run the cells that a file of runs lacks, and return all rows.
 
-    `signalled` names the errors, warnings and alarms for the user, None without any. `against` names the
-    measures that speak against survival.
+    `signalled` names the errors, warnings and alarms for the user, and `check`, None without any. `against`
+    names the measures that speak against survival.
     """
     todo, runs = cells(settings.stress), RowStore({}, runs_file)
     scenes: dict[tuple[object, ...], list[Cell]] = {}
@@ -251,9 +253,13 @@ def measure(settings: _Settings, origin: Provenance, runs_file: Path | None) -> 
 
 
 def attempt(trial: Trial, method: Method) -> Attempt:
-    """Run a method on a trial to its end, to an error or to a refusal."""
+    """Run a method on a trial to its end, to an error or to a refusal.
+
+    The check of its scene is a signal to users of MPM, where it warns: it is about the solver.
+    """
     run = None
     errors: list[str] = []
+    checked = method in ("mpm", "coarse") and any(one.severity != "note" for one in findings(trial.scene))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -272,7 +278,7 @@ def attempt(trial: Trial, method: Method) -> Attempt:
         for one in simulator.log
         if one.mode == "mpm" and one.reason in (*GUARDS, "unsound")
     ]
-    return Attempt(run, tuple(dict.fromkeys(errors + warned + alarms)))
+    return Attempt(run, tuple(dict.fromkeys(errors + warned + alarms + ["check"] * checked)))
 
 
 def truth(trial: Trial, *, shift: int = 0) -> Run | None:
