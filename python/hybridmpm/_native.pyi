@@ -96,6 +96,9 @@ class SimulationError(Exception):
 class ConfigError(SimulationError, ValueError):
     """A parameter is outside its range, or arrays disagree in shape or type."""
 
+    fault: tuple[str, str] | None
+    """The part of the scene that is at fault, and what is wrong with it, where the message is of one part."""
+
 class DomainError(SimulationError):
     """A particle left the box [0, 1]^D or went more than one cell past a wall."""
 

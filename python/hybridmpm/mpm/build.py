@@ -1,7 +1,6 @@
 """The compiled solver, upsampler and emitters of a scene."""
 
 import math
-import re
 
 import numpy as np
 
@@ -76,12 +75,9 @@ def native_solver(
             threads=threads,
         )
     except ConfigError as error:
-        found = re.fullmatch(r"overlap of (\S+) and (.+) must be (.+), got (\S+)", str(error))
-        if found is None:
+        if error.fault is None:
             raise
-        one, other, allowed, share = found.groups()
-        text = f"overlaps {other}: their overlap must be {allowed}, got {float(share):.2g}; move one of them"
-        raise SceneError.of([(one, text)]) from None
+        raise SceneError.of([error.fault]) from None
 
 
 def upsampler_of(

@@ -80,6 +80,7 @@ static SNAPSHOT_ERROR: std::sync::OnceLock<Py<PyAny>> = std::sync::OnceLock::new
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     let config = value_error(py, "ConfigError", "A parameter is outside its range.")?;
+    config.setattr(py, "fault", py.None())?;
     let snapshot = value_error(
         py,
         "SnapshotError",
@@ -114,6 +115,17 @@ pub fn config_error(message: impl Into<String>) -> PyErr {
     raise(&CONFIG_ERROR, message.into())
 }
 
+/// A `ConfigError` with the part of the scene that is at fault, and what is wrong with it.
+fn scene_fault(message: String, part: String, problem: String) -> PyErr {
+    let error = config_error(message);
+    Python::attach(
+        |py| match error.value(py).setattr("fault", (part, problem)) {
+            Ok(()) => error,
+            Err(failed) => failed,
+        },
+    )
+}
+
 /// A `SnapshotError` of bytes that fit nothing here.
 pub fn snapshot_error(message: impl Into<String>) -> PyErr {
     raise(&SNAPSHOT_ERROR, message.into())
@@ -128,6 +140,7 @@ impl From<NativeError> for PyErr {
         // No `_` arm: a new variant must choose its exception to compile.
         match error {
             MpmError::Parameter { .. } | MpmError::Length { .. } => config_error(message),
+            MpmError::Overlap { part, problem } => scene_fault(message, part, problem),
             MpmError::NonFinite { .. } => NonFiniteError::new_err(message),
             MpmError::LeftDomain { .. } => DomainError::new_err(message),
             MpmError::Inverted { .. } => InvertedError::new_err(message),

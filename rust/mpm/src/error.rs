@@ -12,6 +12,9 @@ pub enum MpmError {
         allowed: &'static str,
         value: String,
     },
+    /// Rigid bodies overlap each other, walls or obstacles.
+    #[error("{part}: {problem}")]
+    Overlap { part: String, problem: String },
     /// Arrays of particles disagree.
     #[error("{name} must have {expected} entries, one a particle, got {got}")]
     Length {

@@ -81,10 +81,12 @@ impl<const D: usize> Bodies<D> {
         };
         match self.world.overlap(state, &fixed) {
             Some((solids, share)) if share > MOST_OVERLAP => {
-                let [one, other] = solids.map(name);
-                let allowed = "at most 0.01 of the smaller body's size";
-                let name = format!("overlap of {one} and {other}");
-                Err(MpmError::parameter(name, allowed, share as f32))
+                let [part, other] = solids.map(name);
+                let problem = format!(
+                    "overlaps {other}: their overlap must be at most {MOST_OVERLAP} of the smaller body's size, \
+                     got {share:.2}; move one of them"
+                );
+                Err(MpmError::Overlap { part, problem })
             }
             _ => Ok(()),
         }

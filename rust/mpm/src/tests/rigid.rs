@@ -110,9 +110,7 @@ fn bodies_that_overlap_are_refused() {
         panic!("accepted");
     };
     assert!(
-        error
-            .to_string()
-            .contains("overlap of rigid[0] and rigid[1]"),
+        error.to_string().contains("rigid[0]: overlaps rigid[1]"),
         "{error}"
     );
 }
