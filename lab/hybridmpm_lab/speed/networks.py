@@ -16,7 +16,7 @@ from hybridmpm import MpmSolver, scenarios
 from hybridmpm._core import radius_graph
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.manifest import default_model
-from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
+from hybridmpm.physics.spec import HISTORY, RADIUS_SPACINGS, NetworkSpec, Normalization
 from hybridmpm.planner.candidates import loaded
 from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.devices import usable
@@ -31,8 +31,6 @@ WAYS = ("eager", "captured", "compiled")
 """How torch runs a network: kernel by kernel; as one graph of CUDA; compiled by Inductor and such a graph."""
 _RATIOS = ((1.0, 1), (1 / 1.75, 2))
 """r_p and r_t of the paper's networks."""
-_SPACINGS = {2: 2.5, 3: 1.8}
-"""Connectivity radius of the paper's networks here [spacings], that of `hybridmpm train physics`."""
 _RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then
 _FRAMES = 8  # of one timing of the solver
 
@@ -126,7 +124,7 @@ def _specs(scenario: str) -> list[NetworkSpec]:
     papers = []
     for r_p, r_t in _RATIOS:
         spacing = ships.spacing * (ships.r_p / r_p) ** (1 / ships.dim)
-        radius = _SPACINGS[ships.dim] * spacing
+        radius = RADIUS_SPACINGS[ships.dim] * spacing
         papers.append(NetworkSpec(scenarios=(scenario,), radius=radius, r_p=r_p, r_t=r_t))
     return [*papers, ships]
 

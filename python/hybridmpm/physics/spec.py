@@ -12,6 +12,9 @@ from hybridmpm.scenarios.trained_on import TrainedOn
 
 HISTORY = 6
 """Positions that a network step takes, the present one among them: they give five velocities."""
+RADIUS_SPACINGS = {2: 2.5, 3: 1.8}
+"""Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
+radius is smaller than the paper's."""
 TYPES = 9
 """Particle types of DeepMind's convention, used or not."""
 TYPE_EMBEDDING = 16

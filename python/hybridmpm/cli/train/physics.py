@@ -21,7 +21,7 @@ from hybridmpm.cli.train.common import (
     training_options,
 )
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.spec import GRID_CELLS, NetworkSpec
+from hybridmpm.physics.spec import GRID_CELLS, RADIUS_SPACINGS, NetworkSpec
 from hybridmpm.training.settings import TrainingSettings
 
 if TYPE_CHECKING:
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 
 _SHAPE = ("latent", "layers", "hidden_layers", "radius", "r_p", "r_t", "grid_cells")
 """Options that weights are made for."""
-_SPACINGS = {2: 2.5, 3: 1.8}
-"""Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
-radius is smaller than the paper's."""
 _CELLS = {2: 32, 3: 0}
 """Default number of cells of the grid branch along an axis, by dimension. In 3D the branch takes time and
 does not lower the error (docs/results/hybrid.md)."""
@@ -187,7 +184,7 @@ def _spec(ctx: click.Context, sources: "Sequence[Source]", beginning: "Beginning
                 shape["r_t"] = stride
     bare = NetworkSpec(**scenes, **shape | {"radius": 1.0, "grid_cells": 0})
     if shape["radius"] is None:
-        shape["radius"] = round(_SPACINGS[bare.dim] * bare.spacing, 6)
+        shape["radius"] = round(RADIUS_SPACINGS[bare.dim] * bare.spacing, 6)
     if shape["grid_cells"] is None:
         shape["grid_cells"] = _CELLS[bare.dim]
     return NetworkSpec(**scenes, **shape)
