@@ -27,6 +27,10 @@ const INSET: f32 = 0.1;
 /// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
 const BODY_INSET: f32 = 0.005;
 
+/// Normals whose components differ in size by less belong to one face, or to opposite ones. A face of 45 degrees is as near to one
+/// axis as to another, but for rounding.
+const PARALLEL: f32 = 1.0e-3;
+
 /// Coordinates and memory index of a node.
 type Node<const D: usize> = ([usize; D], usize);
 
@@ -311,11 +315,14 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
             let inside = self.places(axis, inward, &inside);
             let (depth, deep) = self.obstacle.distances(self.pose, &inside);
             for i in 0..N {
-                let mut beside = false;
+                let (mut beside, mut parallel) = (false, true);
                 for k in 0..D {
-                    beside |= deep[k][i].abs() > deep[axis][i].abs();
+                    let size = deep[k][i].abs();
+                    beside |= size > deep[axis][i].abs();
+                    parallel &= (size - normal[k][i].abs()).abs() < PARALLEL;
                 }
-                found[i] &= !((depth[i] < 0.0) & beside);
+                // Behind an edge the nearest face is another one; in a thin plate it may be the one opposite.
+                found[i] &= !((depth[i] < 0.0) & beside & !parallel);
             }
         }
         Crossings { found, t, normal }

@@ -85,8 +85,40 @@ impl<const D: usize> Obstacles<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::boundary::lines::Line;
     use crate::boundary::{Contact, ContactKind, Motion, Obstacle, Shape, Walls};
     use crate::grid::Layout;
+
+    #[test]
+    fn ramps_along_the_diagonal_of_the_grid_have_all_their_lines() {
+        let contact = Contact {
+            kind: ContactKind::Separating,
+            friction: None,
+        };
+        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
+        let layout = Layout::<2>::unit(64);
+        for cells in [0.1, 0.25, 0.5, 1.0, 4.0] {
+            for (up, drop) in [
+                (0.0, 0.5),
+                (0.3, 0.5),
+                (0.0, 0.5 - 2.0e-4),
+                (0.3, 0.5 + 2.0e-4),
+            ] {
+                let height = 0.75 + up / 64.0;
+                let shape = Shape::Segment {
+                    start: Vector::from([0.25, height]),
+                    end: Vector::from([0.75, height - drop]),
+                    thickness: cells / 64.0,
+                };
+                let ramp = Obstacle::new(shape, contact).unwrap();
+                let lines = Obstacles::new(vec![ramp], &walls, &layout).lines;
+                let middle = |line: &&Line<2>| (0.3..0.7).contains(&line.x[0]);
+                let count = lines.iter().flatten().filter(middle).count();
+                // One in each column from above, and one from below; a node on the surface begins two.
+                assert!((50..=53).contains(&count), "{count}: {cells} {up} {drop}");
+            }
+        }
+    }
 
     #[test]
     fn what_moves_away_leaves_a_whole_floor() {
