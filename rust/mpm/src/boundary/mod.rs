@@ -1,5 +1,6 @@
 //! Walls and obstacles: their shapes, their motion, and their effect on velocities and particles.
 
+mod beyond;
 mod bounds;
 mod buckets;
 mod contact;

@@ -108,7 +108,7 @@ impl<const D: usize> Motion<D> {
 
     /// Whether all points keep their coordinate along an axis.
     pub(super) fn keeps(&self, axis: usize) -> bool {
-        self.velocity[axis] == 0.0 && self.spin.iter().all(|w| *w == 0.0)
+        self.velocity[axis] == 0.0 && self.spin.row(axis).iter().all(|w| *w == 0.0)
     }
 
     /// Centre of rotation at time 0 [m].

@@ -1,5 +1,6 @@
 //! One solid, at rest or in prescribed motion.
 
+use super::beyond::Beyond;
 use super::contact::{Contact, ContactKind, Walls};
 use super::motion::{Motion, Pose};
 use super::shape::{Distances, Shape, farthest_corner, one, the_one};
@@ -7,14 +8,9 @@ use crate::error::MpmError;
 use crate::linalg::Vector;
 use serde::{Deserialize, Serialize};
 
-/// A face counts as on a wall up to this distance from it [lengths of the world].
-const ON_WALL: f32 = 1.0e-6;
 /// Distances that contact needs, inside and outside, of surfaces at rest and of moving ones [cells].
 const AT_REST: [f32; 2] = [4.5, 4.0];
 const MOVING: [f32; 2] = [7.0, 6.0];
-/// More than the world [lengths of it].
-const FAR: f32 = 2.0;
-
 /// A solid: its shape, contact and motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Obstacle<const D: usize> {
@@ -55,35 +51,19 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// Returns the solid as it acts in a world of this length [m] with cells `dx` [m].
-    ///
-    /// It is extended through the walls that it ends on and stays on: a box whose face lies on a wall has no face there, nor has a
-    /// polygon at rest. Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
+    /// Returns the solid as it acts in a world of this length [m] with cells `dx` [m]: it goes on behind the walls that it ends on.
     pub(super) fn prepared(self, walls: &Walls<D>, length: f32, dx: f32) -> Self {
-        let (on_wall, far) = (ON_WALL * length, FAR * length);
-        let shape = match (&self.shape, self.motion) {
-            (Shape::Box { lower, upper }, motion) => {
-                let stays = |axis: usize| motion.is_none_or(|motion| motion.keeps(axis));
-                Shape::Box {
-                    lower: Vector::from_fn(|axis, _| {
-                        let reaches = lower[axis] <= walls.lower[axis] + on_wall;
-                        lower[axis] - if reaches && stays(axis) { far } else { 0.0 }
-                    }),
-                    upper: Vector::from_fn(|axis, _| {
-                        let reaches = upper[axis] >= walls.upper[axis] - on_wall;
-                        upper[axis] + if reaches && stays(axis) { far } else { 0.0 }
-                    }),
-                }
+        let beyond = Beyond::new(walls, self.motion, length);
+        let shape = match &self.shape {
+            Shape::Surface(surface) => {
+                let bands = if self.motion.is_some() {
+                    MOVING
+                } else {
+                    AT_REST
+                };
+                Shape::Surface(beyond.surface(surface, dx, bands))
             }
-            (Shape::Surface(surface), None) => {
-                let within = [walls.lower, walls.upper];
-                let beyond = surface.through([&walls.lower, &walls.upper], on_wall, far);
-                Shape::Surface(beyond.prepared(dx, AT_REST, Some(within)))
-            }
-            (Shape::Surface(surface), Some(_)) => {
-                Shape::Surface(surface.prepared(dx, MOVING, None))
-            }
-            (shape, _) => shape.clone(),
+            shape => beyond.convex(shape),
         };
         Self { shape, ..self }
     }

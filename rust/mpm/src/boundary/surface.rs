@@ -121,17 +121,13 @@ impl<const D: usize> Surface<D> {
         }
     }
 
-    /// The solid extended by `far` [m] where it ends on walls, between these corners: facets that lie on a wall go that far beyond it.
-    pub(super) fn through(&self, walls: [&Vector<D>; 2], on_wall: f32, far: f32) -> Self {
+    /// The solid extended by `far` [m] where it ends on walls: facets at whose coordinates along an axis, and in that direction, it
+    /// does go so far beyond.
+    pub(super) fn through(&self, ends: impl Fn(usize, f32, f32) -> bool, far: f32) -> Self {
         let mut soup = (*self.soup).clone();
         for axis in 0..D {
-            for (wall, outward) in [(walls[0], -1.0), (walls[1], 1.0)] {
-                soup.extend(
-                    axis,
-                    outward,
-                    |s| (s - wall[axis]) * outward >= -on_wall,
-                    far,
-                );
+            for outward in [-1.0, 1.0] {
+                soup.extend(axis, outward, |s| ends(axis, s, outward), far);
             }
         }
         if soup.facets == self.soup.facets {

@@ -5,7 +5,7 @@ use super::common::{
 };
 use crate::{
     Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings,
-    Substeps, Swing, Vector,
+    Substeps, Surface, Swing, Vector,
 };
 
 const FREE: Contact = Contact {
@@ -69,16 +69,32 @@ fn a_plate_that_ends_on_walls_lets_nothing_along_them() {
     let (speed, period) = (10.0, 0.125);
     let swing = Some(Swing { period, phase: 0.0 });
     let motion = Motion::new(Vector::from([0.0, speed]), &[], Vector::zeros(), swing).unwrap();
-    let mut settings = settings::<2>(64, vec![water()]);
-    settings.obstacles = vec![moving_box([0.1, 0.3], [0.9, 0.3078], FREE, motion)];
-    let bodies = Bodies::default().block(64, [0.1, 0.3178], [0.9, 0.5], [0.0, 0.0], 0);
-    let mut solver = bodies.solver(settings);
-    for frame in 1..=60 {
-        run(&mut solver, 1);
-        let turns = std::f32::consts::TAU * frame as f32 * FRAME / period;
-        let face = 0.3 + speed * period / std::f32::consts::TAU * turns.sin();
-        for x in positions(&solver).chunks(2) {
-            assert!(x[1] > face - 1.0e-5, "{x:?} below {face} in frame {frame}");
+    let [lower, upper] = [[0.1, 0.3], [0.9, 0.3078]].map(Vector::from);
+    let corners = [[0, 0], [1, 0], [1, 1], [0, 1]]
+        .map(|ends: [usize; 2]| Vector::from_fn(|axis, _| [lower, upper][ends[axis]][axis]));
+    let (thickness, middle) = (upper[1] - lower[1], 0.5 * (lower[1] + upper[1]));
+    let shapes = [
+        Shape::Box { lower, upper },
+        Shape::Segment {
+            start: Vector::from([lower[0], middle]),
+            end: Vector::from([upper[0], middle]),
+            thickness,
+        },
+        Shape::Surface(Surface::outline(&corners).unwrap()),
+    ];
+    for shape in shapes {
+        let plate = Obstacle::new(shape.clone(), FREE).unwrap().moving(motion);
+        let mut settings = settings::<2>(64, vec![water()]);
+        settings.obstacles = vec![plate];
+        let bodies = Bodies::default().block(64, [0.1, 0.3178], [0.9, 0.5], [0.0, 0.0], 0);
+        let mut solver = bodies.solver(settings);
+        for frame in 1..=60 {
+            run(&mut solver, 1);
+            let turns = std::f32::consts::TAU * frame as f32 * FRAME / period;
+            let face = 0.3 + speed * period / std::f32::consts::TAU * turns.sin();
+            for x in positions(&solver).chunks(2) {
+                assert!(x[1] > face - 1.0e-5, "{x:?} below {face}: {shape:?}");
+            }
         }
     }
 }

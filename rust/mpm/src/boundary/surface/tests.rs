@@ -191,13 +191,15 @@ fn a_fine_mesh_of_a_ball_is_the_ball_inside_and_out() {
     assert!(near > 300, "{near}");
 }
 
+/// Whether a coordinate lies on a wall of the unit box.
+fn ends(_: usize, x: f32, outward: f32) -> bool {
+    if outward < 0.0 { x <= 0.0 } else { x >= 1.0 }
+}
+
 #[test]
 fn a_solid_that_ends_on_walls_goes_on_beyond_them() {
     let hill = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.1], [0.5, 0.4], [0.0, 0.1]].map(Vector::<2>::from);
-    let (lower, upper) = (Vector::<2>::zeros(), Vector::<2>::repeat(1.0));
-    let open = Surface::outline(&hill)
-        .unwrap()
-        .through([&lower, &upper], 1e-6, 2.0);
+    let open = Surface::outline(&hill).unwrap().through(ends, 2.0);
     // Two of the hill, four beside it and five below.
     assert_eq!(open.soup.facets.len(), 11);
     for (x, sign) in [
@@ -248,8 +250,7 @@ fn a_mesh_in_a_corner_of_the_world_goes_on_beyond_three_walls() {
         .iter()
         .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
     let cube = Surface::mesh((0..8).map(code).collect(), triangles.collect()).unwrap();
-    let walls = [Vector::<3>::zeros(), Vector::repeat(1.0)];
-    let beyond = cube.through([&walls[0], &walls[1]], 1e-6, 2.0);
+    let beyond = cube.through(ends, 2.0);
     let cuboid = Shape::Box {
         lower: Vector::<3>::repeat(-2.0),
         upper: Vector::<3>::repeat(0.4),
