@@ -104,18 +104,13 @@ impl<const D: usize> Solids<D> {
         }
         let stride = self.layout.stride(axis) as isize;
         let steps = base as isize + 1 - node[axis] as isize;
-        let mut touching = touching(
+        let touching = touching(
             f64::from((base + 1.0 - xi) * inward),
             f64::from(normal[axis].abs()),
             self.list[index].contact.kind,
             f64::from(dx),
             elastic,
         );
-        // From a node on the surface, up to rounding, one of the two lines leads outwards, and takes what is inside for outside.
-        // What flows may meet it, as the other one holds it besides; an elastic body would be held up to a cell off.
-        if normal[axis] * inward > 0.0 {
-            touching[1] = Touch::NEVER;
-        }
         Some(Line {
             node: memory,
             middle: memory.wrapping_add_signed(steps * stride),

@@ -89,53 +89,59 @@ mod tests {
     use crate::boundary::{Contact, ContactKind, Motion, Obstacle, Shape, Walls};
     use crate::grid::Layout;
 
+    const CONTACT: Contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
+
+    fn walls() -> Walls<2> {
+        Walls::uniform(Vector::zeros(), Vector::repeat(1.0), CONTACT)
+    }
+
+    fn solid(lower: [f32; 2], upper: [f32; 2]) -> Obstacle<2> {
+        let [lower, upper] = [lower, upper].map(Vector::from);
+        Obstacle::new(Shape::Box { lower, upper }, CONTACT).unwrap()
+    }
+
     #[test]
     fn ramps_along_the_diagonal_of_the_grid_have_all_their_lines() {
-        let contact = Contact {
-            kind: ContactKind::Separating,
-            friction: None,
-        };
-        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
         let layout = Layout::<2>::unit(64);
         for cells in [0.1, 0.25, 0.5, 1.0, 4.0] {
-            for (up, drop) in [
-                (0.0, 0.5),
-                (0.3, 0.5),
-                (0.0, 0.5 - 2.0e-4),
-                (0.3, 0.5 + 2.0e-4),
-            ] {
+            for (up, turn) in [(0.0, 0.0), (0.3, 0.0), (0.0, -2.0e-4), (0.3, 2.0e-4)] {
                 let height = 0.75 + up / 64.0;
                 let shape = Shape::Segment {
                     start: Vector::from([0.25, height]),
-                    end: Vector::from([0.75, height - drop]),
+                    end: Vector::from([0.75, height - 0.5 - turn]),
                     thickness: cells / 64.0,
                 };
-                let ramp = Obstacle::new(shape, contact).unwrap();
-                let lines = Obstacles::new(vec![ramp], &walls, &layout).lines;
+                let ramp = Obstacle::new(shape, CONTACT).unwrap();
+                let lines = Obstacles::new(vec![ramp], &walls(), &layout).lines;
                 let middle = |line: &&Line<2>| (0.3..0.7).contains(&line.x[0]);
                 let count = lines.iter().flatten().filter(middle).count();
-                // One in each column from above, and one from below; a node on the surface begins two.
-                assert!((50..=53).contains(&count), "{count}: {cells} {up} {drop}");
+                // One in each column from above, and one from below.
+                assert!((50..=52).contains(&count), "{count}: {cells} {up} {turn}");
             }
         }
     }
 
     #[test]
+    fn nodes_on_a_surface_begin_one_line_each() {
+        let layout = Layout::<2>::unit(32);
+        for below in [0.0, 5.0e-4, 0.3] {
+            let floor = solid([0.0, 0.0], [1.0, (10.0 - below) / 32.0]);
+            let lines = Obstacles::new(vec![floor], &walls(), &layout).lines;
+            let middle = |line: &&Line<2>| (0.249..0.751).contains(&line.x[0]);
+            assert_eq!(lines[1].iter().filter(middle).count(), 17, "{below}");
+        }
+    }
+
+    #[test]
     fn what_moves_away_leaves_a_whole_floor() {
-        let contact = Contact {
-            kind: ContactKind::Separating,
-            friction: None,
-        };
-        let solid = |lower: [f32; 2], upper: [f32; 2]| {
-            let [lower, upper] = [lower, upper].map(Vector::from);
-            Obstacle::new(Shape::Box { lower, upper }, contact).unwrap()
-        };
         let up = Motion::new(Vector::from([0.0, 1.0]), &[], Vector::zeros(), None).unwrap();
         let floor = solid([0.0, 0.0], [1.0, 0.3]);
         let gate = solid([0.4, 0.3], [0.6, 0.7]);
-        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), contact);
         let layout = Layout::<2>::unit(32);
-        let lines = |list: Vec<Obstacle<2>>| Obstacles::new(list, &walls, &layout).lines;
+        let lines = |list: Vec<Obstacle<2>>| Obstacles::new(list, &walls(), &layout).lines;
         let alone = lines(vec![floor.clone()]);
         assert!(lines(vec![floor.clone(), gate.clone().moving(up)]) == alone);
         assert!(lines(vec![floor, gate]) != alone);

@@ -32,14 +32,6 @@ pub(super) struct Touch {
 }
 
 impl Touch {
-    /// Nothing touches.
-    pub const NEVER: Self = Self {
-        from: f32::INFINITY,
-        rest: 0.0,
-        distance: 0.0,
-        resting_below: 0.0,
-    };
-
     /// Whether material with these masses of the middle and the inner node touches.
     #[inline(always)]
     pub fn touches(&self, middle: f32, inner: f32) -> bool {
