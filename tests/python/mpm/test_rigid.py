@@ -56,6 +56,20 @@ def _depth(solver: MpmSolver, body: RigidBox, side: float) -> float:
     return float(above * solver.mass[0] / 1000 / (0.8 - width - 2 * side))
 
 
+@pytest.mark.parametrize("above", [0.02, 0.6])
+def test_no_film_stays_below_a_body_that_came_down_on_water(above: float) -> None:
+    # Over all of the water, so that nothing gets out of its way; in cells.
+    width, level, dx = 12, 6.6, 1 / 32
+    water = Box(lower=(0, 0), upper=(width * dx, level * dx), material=Water())
+    lower, upper = (0, (level + above) * dx), (width * dx, (level + above + 4) * dx)
+    body = RigidBox(lower=lower, upper=upper, density=500, friction=0)
+    walls = Walls(lower=(0, 0), upper=(width * dx, 0.9))
+    solver = MpmSolver(Scene(dim=2, resolution=32, walls=walls, bodies=[water], rigid=[body]))
+    solver.advance(160)
+    face = solver.rigid_bodies.center[0, 1] / dx - 2
+    assert face == pytest.approx(level * solver.volume_ratio.mean(), abs=0.08)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("density", [300, 500, 800])
 def test_the_submerged_share_is_the_ratio_of_the_densities(density: float) -> None:

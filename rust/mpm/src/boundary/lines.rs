@@ -8,7 +8,7 @@ use super::contact::ContactKind;
 use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
 use super::solids::Solids;
-use super::touch::{Touch, touching};
+use super::touch::{Touch, body_rest, touching};
 use crate::grid::{SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
@@ -109,7 +109,7 @@ impl<const D: usize> Solids<D> {
             f64::from(normal[axis].abs()),
             self.list[index].contact.kind,
             f64::from(dx),
-            elastic,
+            (elastic, self.is_body(index).then(body_rest::<D>)),
         );
         Some(Line {
             node: memory,

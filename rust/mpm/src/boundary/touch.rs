@@ -8,6 +8,11 @@ use crate::grid::SMALLEST_MASS;
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
 const REACH: f64 = 0.45;
+/// Where it comes to rest on rigid bodies [cells], in 2D and in 3D. If it was held wherever it is within reach, a film without
+/// material would stay below a body that came down on it, as thick as it happened to be then. Masses of nodes fluctuate, and each
+/// line that finds too little lets material come nearer: in 2D by more, as fewer particles are around a node. With these distances
+/// blocks float at the level of their weight.
+const BODY_REST: [f64; 2] = [0.1, 0.0];
 /// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll.
 const ELASTIC_REACH: f64 = 0.07;
 /// Distance up to which they may come nearer within a substep [cells]. If each line held what comes within reach, a round body
@@ -53,19 +58,34 @@ impl Touch {
     }
 }
 
+/// Where what flows comes to rest on rigid bodies [cells].
+pub(super) fn body_rest<const D: usize>() -> f64 {
+    BODY_REST[D - 2]
+}
+
 /// Where it touches what flows, and what is elastic. The surface lies at `face` [cells] from the middle node towards the inner
 /// one, and its normal has this part along the line; `dx` is the size of a cell [m]. Where no body is `elastic` the second is
-/// the first.
+/// the first. `body_rest` is where material comes to rest on rigid bodies [cells], None of what is none.
 pub(super) fn touching(
     face: f64,
     normal: f64,
     kind: ContactKind,
     dx: f64,
-    elastic: bool,
+    (elastic, body_rest): (bool, Option<f64>),
 ) -> [Touch; 2] {
     let ratio = |reach: f64| {
         let face = face + reach / normal;
         (cumulative(-face) / cumulative(1.0 - face)) as f32
+    };
+    // Held from `rest` on, and until then as fast as it gets there within a substep.
+    let approaching = |reach: f64, rest: f64| {
+        let (from, at_rest) = (ratio(reach), ratio(rest));
+        Touch {
+            from,
+            rest: at_rest,
+            distance: ((reach - rest) * dx) as f32 / (at_rest - from),
+            resting_below: 0.0,
+        }
     };
     let held_from = |reach: f64| Touch {
         from: ratio(reach),
@@ -76,15 +96,14 @@ pub(super) fn touching(
     if kind != ContactKind::Separating {
         return [held_from(HELD_REACH); 2];
     }
+    let flowing = body_rest.map_or(held_from(REACH), |rest| approaching(REACH, rest));
     if !elastic {
-        return [held_from(REACH); 2];
+        return [flowing; 2];
     }
-    let (from, rest) = (ratio(ELASTIC_REACH), ratio(ELASTIC_REST));
+    let resting_below = (RESTING_BELOW * dx) as f32;
     let elastic = Touch {
-        from,
-        rest,
-        distance: ((ELASTIC_REACH - ELASTIC_REST) * dx) as f32 / (rest - from),
-        resting_below: (RESTING_BELOW * dx) as f32,
+        resting_below,
+        ..approaching(ELASTIC_REACH, ELASTIC_REST)
     };
-    [held_from(REACH), elastic]
+    [flowing, elastic]
 }
