@@ -134,7 +134,8 @@ LIMITS = {
     # 190 lines build scenes in space, and pull at bodies in pages that play.
     # 45 lines time packages of others, and what grows.
     # 430 lines give what other programs write, and what users get wrong.
-    "tests": (("tests/**.py",), 39_350),
+    # 15 lines let a body come down on all of the water.
+    "tests": (("tests/**.py",), 39_365),
     "tests of the laboratory": (("tests/lab/**.py",), 2_135),
 }
 """Patterns of git, and the most lines of the files that they match."""
