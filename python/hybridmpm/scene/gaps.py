@@ -20,7 +20,7 @@ _TOUCHING = 1.5
 """Solids nearer than this many distances of the points count as touching."""
 _LOST, _LOST_SAND = 1.3, 3.0
 """Cells of an opening through which nothing flows; those of sand on the scene's own grid (Beverloo)."""
-_KEPT, _KEPT_SAND = (0.55, 3e-4), (0.5, 1e-3)
+_KEPT, _KEPT_SAND = (0.45, 3e-4), (0.5, 1e-3)
 """The same with `transfer_loss`: cells at no loss, and more of them [s] for each 1/s at 128 cells/m."""
 _WIDER = 1.5
 """A part of the room is at least this many times as wide as a gap that leads into it."""

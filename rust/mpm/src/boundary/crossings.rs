@@ -4,7 +4,9 @@
 //! no part of it, or as far as the distance to another one. Nodes near to a convex solid are treated many at a time, those near
 //! to facets one by one, for the costs of their distances differ. In WebAssembly many at a time would save no time.
 
-use super::lines::{BESIDE, LINE_CELLS, Line, ON_SURFACE, lowest_start};
+use super::lines::{
+    BESIDE, Crossing, LINE_CELLS, Line, ON_SURFACE, OPENING_INSET, SMOOTH, lowest_start,
+};
 use super::motion::Pose;
 use super::obstacle::Obstacle;
 use super::shape::one;
@@ -26,10 +28,6 @@ const MOST_STEPS: usize = 12;
 const INSET: f32 = 0.1;
 /// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
 const BODY_INSET: f32 = 0.005;
-
-/// Normals whose components differ in size by less belong to one face, or to opposite ones. A face of 45 degrees is as near to one
-/// axis as to another, but for rounding.
-const PARALLEL: f32 = 1.0e-3;
 
 /// Coordinates and memory index of a node.
 type Node<const D: usize> = ([usize; D], usize);
@@ -160,21 +158,20 @@ struct Candidates<'a, const D: usize, const N: usize> {
     is_convex: bool,
     /// Cell size [m].
     dx: f32,
-    /// See `INSET`.
-    inset: f32,
+    is_body: bool,
     /// Places of the nodes [m].
     x: [[f32; N]; D],
     /// Of those in use.
     count: usize,
 }
 
-/// Where the lines from each node in one direction cross the surface.
+/// Where the lines from several nodes in one direction cross the surface.
 #[derive(Debug, Clone, Copy)]
 struct Crossings<const D: usize, const N: usize> {
     found: [bool; N],
-    /// Distance from the node along the axis [cells].
     t: [f32; N],
     normal: [[f32; N]; D],
+    near_edge: [bool; N],
 }
 
 impl<const D: usize, const N: usize> Crossings<D, N> {
@@ -182,12 +179,16 @@ impl<const D: usize, const N: usize> Crossings<D, N> {
         found: [false; N],
         t: [0.0; N],
         normal: [[0.0; N]; D],
+        near_edge: [false; N],
     };
 
-    /// Distance along the axis [cells], and the normal there; None where there is no crossing.
-    fn of(&self, lane: usize) -> Option<(f32, Vector<D>)> {
-        let normal = || Vector::from_fn(|axis, _| self.normal[axis][lane]);
-        self.found[lane].then(|| (self.t[lane], normal()))
+    /// None where there is no crossing.
+    fn of(&self, lane: usize) -> Option<Crossing<D>> {
+        self.found[lane].then(|| Crossing {
+            t: self.t[lane],
+            normal: Vector::from_fn(|axis, _| self.normal[axis][lane]),
+            is_near_edge: self.near_edge[lane],
+        })
     }
 }
 
@@ -230,11 +231,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
             pose: solids.pose(index),
             is_convex: obstacle.shape.is_convex(),
             dx: solids.layout.dx(),
-            inset: if solids.is_body(index) {
-                BODY_INSET
-            } else {
-                INSET
-            },
+            is_body: solids.is_body(index),
             x,
             count,
         }
@@ -248,6 +245,28 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
             places[axis][i] += inward * t[i] * self.dx;
         }
         places
+    }
+
+    /// Whether the nearest face so far behind each crossing [cells] is another one, across a sharp edge. In a thin plate it may be
+    /// the one opposite, and then none.
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
+    fn is_behind_edge(
+        &self,
+        (axis, inward): (usize, f32),
+        t: &[f32; N],
+        inset: f32,
+        normal: &[[f32; N]; D],
+    ) -> [bool; N] {
+        let inside = self.places(axis, inward, &t.map(|t| t + inset));
+        let (depth, deep) = self.obstacle.distances(self.pose, &inside);
+        std::array::from_fn(|i| {
+            let (mut beside, mut cosine) = (false, 0.0);
+            for k in 0..D {
+                beside |= deep[k][i].abs() > deep[axis][i].abs();
+                cosine += deep[k][i] * normal[k][i];
+            }
+            (depth[i] < 0.0) & beside & (cosine.abs() < SMOOTH)
+        })
     }
 
     /// The crossings from those nodes that count, at distances `left` [cells], with the normals there.
@@ -308,26 +327,24 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
                 found[i] &= !(far[i] & (distance[i] > 0.0));
             }
         }
+        let mut near_edge = [false; N];
         if any(&found) {
-            let mut inside = [0.0; N];
+            t = t.map(|t| t.min(1.0));
+            let inset = if self.is_body { BODY_INSET } else { INSET };
+            let left_out = self.is_behind_edge((axis, inward), &t, inset, &normal);
             for i in 0..N {
-                t[i] = t[i].min(1.0);
-                inside[i] = t[i] + self.inset;
+                found[i] &= !left_out[i];
             }
-            let inside = self.places(axis, inward, &inside);
-            let (depth, deep) = self.obstacle.distances(self.pose, &inside);
-            for i in 0..N {
-                let (mut beside, mut parallel) = (false, true);
-                for k in 0..D {
-                    let size = deep[k][i].abs();
-                    beside |= size > deep[axis][i].abs();
-                    parallel &= (size - normal[k][i].abs()).abs() < PARALLEL;
-                }
-                // Behind an edge the nearest face is another one; in a thin plate it may be the one opposite.
-                found[i] &= !((depth[i] < 0.0) & beside & !parallel);
+            if !self.is_body {
+                near_edge = self.is_behind_edge((axis, inward), &t, OPENING_INSET, &normal);
             }
         }
-        Crossings { found, t, normal }
+        Crossings {
+            found,
+            t,
+            normal,
+            near_edge,
+        }
     }
 }
 

@@ -5,15 +5,13 @@
 //! face pushes each column by the part of its spline that the face covers, also columns beside the last one under it. Those get
 //! one contact in common with that one, and take its impulse in proportion to these parts: then all columns are in balance.
 
-use super::lines::Line;
+use super::lines::{Line, SMOOTH};
 use super::solids::Solids;
 use super::wall_fill::cumulative;
 use crate::linalg::Vector;
 
 /// Depth below a face at which the edge beside a line is looked for [cells].
 const UNDER: f32 = 0.02;
-/// Two faces whose normals have a larger cosine have no edge between them: the surface is round there, or nearly flat.
-const SMOOTH: f32 = 0.8;
 /// Most columns of an edge line: those at a corner.
 const COLUMNS: usize = 4;
 /// Nodes of an edge line.

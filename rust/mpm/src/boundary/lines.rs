@@ -16,8 +16,27 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// How far from a surface its two sides are looked at [cells].
 pub const BESIDE: f32 = 0.25;
+/// Lines this near to the sharp edge of an opening of a few cells are left out, too. So what flows through n cells has n + 1 columns
+/// of nodes wherever the edges lie between them. With one less half as much flows through two cells.
+pub const OPENING_INSET: f32 = 0.55;
+
+/// Two faces whose normals have a larger cosine have no edge between them: the surface is round there, or nearly flat.
+pub const SMOOTH: f32 = 0.8;
+/// Widest opening whose edges are left out [cells], and the step in which its other side is looked for.
+const OPENING_CELLS: f32 = 8.0;
+const OPENING_STEP: f32 = 0.5;
 /// Distance that counts as none [cells].
 pub const ON_SURFACE: f32 = 1.0e-3;
+
+/// Where a line of nodes crosses a surface.
+#[derive(Debug, Clone, Copy)]
+pub struct Crossing<const D: usize> {
+    /// Distance from the node along the axis [cells].
+    pub t: f32,
+    pub normal: Vector<D>,
+    /// Whether a sharp edge is within `OPENING_INSET`; never of a rigid body.
+    pub is_near_edge: bool,
+}
 
 /// A line of three nodes across a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,17 +86,17 @@ pub struct Probe<const D: usize> {
 }
 
 impl<const D: usize> Solids<D> {
-    /// The line from a node that crosses a surface with this normal at `t` [cells]: from `lift` beside the node [m]. `elastic`
-    /// where elastic bodies may touch it.
+    /// The line from a node that crosses a surface: from `lift` beside the node [m]. `elastic` where elastic bodies may touch it.
     pub fn line_across(
         &self,
         (index, elastic): (usize, bool),
         (node, memory): ([usize; D], usize),
-        (t, normal): (f32, Vector<D>),
+        crossing: Crossing<D>,
         (axis, inward): (usize, f32),
         lift: Vector<D>,
     ) -> Option<Line<D>> {
         let dx = self.layout.dx();
+        let Crossing { t, normal, .. } = crossing;
         let start = self.layout.position(node) + lift;
         let place = |t: f32| {
             let mut place = start;
@@ -91,6 +110,9 @@ impl<const D: usize> Solids<D> {
         let t = t + lift.dot(&normal) / (normal[axis] * inward * dx);
         let x = place(t) - lift;
         if !(0.0..=LINE_CELLS).contains(&t) {
+            return None;
+        }
+        if crossing.is_near_edge && self.is_at_opening(index, &normal, (axis, inward), &x) {
             return None;
         }
         let xi = node[axis] as f32 + inward * t;
@@ -121,6 +143,43 @@ impl<const D: usize> Solids<D> {
             normal,
             x,
         })
+    }
+
+    /// Whether a line that crosses a face at `x` near its sharp edge lies at an opening, and the next column of nodes holds the face,
+    /// for it is farther from any edge.
+    fn is_at_opening(
+        &self,
+        index: usize,
+        normal: &Vector<D>,
+        (axis, inward): (usize, f32),
+        x: &Vector<D>,
+    ) -> bool {
+        let dx = self.layout.dx();
+        let mut inside = *x;
+        inside[axis] += inward * OPENING_INSET * dx;
+        let (depth, face) = self.distance(index, &inside);
+        let others = (0..D).filter(|other| *other != axis);
+        let across = others.max_by(|a, b| face[*a].abs().total_cmp(&face[*b].abs()));
+        let across = across.expect("at least two axes");
+        let step = -face[across].signum() * dx;
+        let mut next = inside;
+        next[across] += step;
+        next[axis] -= step * normal[across] / normal[axis];
+        if self.distance(index, &next).0 > depth - ON_SURFACE * dx {
+            return false;
+        }
+        let is_filled = |cells: f32| {
+            let there = inside + face * (cells * dx - depth);
+            !self.walls.contains(&there)
+                || self.near(&there).any(|other| {
+                    (self.moves(index) || !self.moves(other))
+                        && self.may_contain(other, &there)
+                        && self.distance(other, &there).0 < 0.0
+                })
+        };
+        let steps = (OPENING_CELLS / OPENING_STEP) as usize;
+        let filled = (0..=steps).find(|step| is_filled(BESIDE + OPENING_STEP * *step as f32));
+        filled.is_some_and(|step| step > 0)
     }
 
     /// Whether another solid hides the surface of one at a point, given with those a little outside and inside.

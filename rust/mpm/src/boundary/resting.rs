@@ -135,6 +135,39 @@ mod tests {
         }
     }
 
+    /// Columns from 0.3 to 0.7 without a line from above, on top of plates with an opening from one place to another [cells].
+    fn open_columns(lower: f32, upper: f32) -> usize {
+        let layout = Layout::<2>::unit(64);
+        let plates = [
+            solid([0.0, 0.3], [lower / 64.0, 0.4]),
+            solid([upper / 64.0, 0.3], [1.0, 0.4]),
+        ];
+        let lines = Obstacles::new(plates.to_vec(), &walls(), &layout).lines;
+        let held = |line: &&Line<2>| line.normal.y > 0.5 && (0.3..0.7).contains(&line.x[0]);
+        25 - lines[1].iter().filter(held).count()
+    }
+
+    #[test]
+    fn an_opening_of_a_few_cells_has_a_column_more_wherever_it_lies() {
+        for place in [0.0, 0.12, 0.3, 0.42, 0.63, 0.88] {
+            for cells in [2, 3, 6] {
+                let half = 0.5 * cells as f32;
+                let open = open_columns(32.0 + place - half, 32.0 + place + half);
+                // Edges that both lie half a cell beside a node have one more.
+                let halfway = (place - half).rem_euclid(1.0) == 0.5;
+                assert_eq!(
+                    open,
+                    cells + 1 + usize::from(halfway),
+                    "{cells} cells at {place}"
+                );
+            }
+            // A seam of two solids is none, but for the column beside each edge.
+            assert!(open_columns(32.0 + place, 32.0 + place) <= 1, "{place}");
+        }
+        // The edges of a wide one are those of the solids, and so is that of a solid alone.
+        assert_eq!(open_columns(26.3, 38.3), 12);
+    }
+
     #[test]
     fn what_moves_away_leaves_a_whole_floor() {
         let up = Motion::new(Vector::from([0.0, 1.0]), &[], Vector::zeros(), None).unwrap();
