@@ -13,6 +13,8 @@ SUBSTEPS: tuple[int | None, ...] = (None, 24, 96)
 """Substeps of a frame; None is the solver's own choice."""
 BAND = (0.55, 0.8)
 """Discharge coefficients of sharp-edged slots and short tubes [-]."""
+BETWEEN = 0.37
+"""Place of the middle of more slots [cells beyond a node]; all substeps are tried with it on a node."""
 _RESOLUTION = 128
 _FLOOR, _THICKNESS, _DEPTH = 0.4, 0.04, 0.4  # lower face and thickness of the floor, depth of the water [m]
 _LEFT, _RIGHT = 0.2, 0.8  # walls [m]
@@ -28,8 +30,12 @@ def run(widths: tuple[int, ...] = WIDTHS, substeps: tuple[int | None, ...] = SUB
             shares = [discharge(width, loss, count) for width in widths]
             steps = "default" if count is None else str(count)
             kind = "APIC" if loss is None else f"loss {loss:g}/s"
-            for width, share in zip(widths, shares, strict=True):
-                name = f"discharge coefficient, {width} cells, {kind}, {steps} substeps"
+            found = [(width, "", share) for width, share in zip(widths, shares, strict=True)]
+            if count is None:
+                place = f" {BETWEEN:g} beyond a node"
+                found += [(width, place, discharge(width, loss, count, BETWEEN)) for width in widths]
+            for width, place, share in found:
+                name = f"discharge coefficient, {width} cells{place}, {kind}, {steps} substeps"
                 judged = loss is not None and width > 1
                 checks.append(
                     Check.between(name, share, BAND) if judged else Check.reported(name, share, "0.55 to 0.8")
@@ -40,9 +46,12 @@ def run(widths: tuple[int, ...] = WIDTHS, substeps: tuple[int | None, ...] = SUB
     return Result(checks, [Panel("Slot", "width [cells]", "discharge coefficient", curves, limits, 2)])
 
 
-def discharge(width: int, loss: float | None, substeps: int | None) -> float:
-    """Return the flow through a slot of so many cells, over its width and the speed sqrt(2 g h) [-]."""
-    side = width / _RESOLUTION / 2
+def discharge(width: int, loss: float | None, substeps: int | None, place: float = 0.0) -> float:
+    """Return the flow through a slot of so many cells, over its width and the speed sqrt(2 g h) [-].
+
+    `place` is that of its middle beyond a node [cells].
+    """
+    side, middle = width / _RESOLUTION / 2, 0.5 + place / _RESOLUTION
     top = _FLOOR + _THICKNESS
     scene = Scene(
         dim=2,
@@ -50,8 +59,8 @@ def discharge(width: int, loss: float | None, substeps: int | None) -> float:
         walls=Walls(lower=(_LEFT, 0.05), upper=(_RIGHT, 0.95)),
         bodies=[Box(material=Water(), lower=(_LEFT, top), upper=(_RIGHT, top + _DEPTH))],
         obstacles=[
-            BoxObstacle(lower=(0.0, _FLOOR), upper=(0.5 - side, top)),
-            BoxObstacle(lower=(0.5 + side, _FLOOR), upper=(1.0, top)),
+            BoxObstacle(lower=(0.0, _FLOOR), upper=(middle - side, top)),
+            BoxObstacle(lower=(middle + side, _FLOOR), upper=(1.0, top)),
         ],
         transfer_loss=loss,
     )
