@@ -4,7 +4,6 @@
 //! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
 //! cell, and would let material at rest sink.
 
-use super::contact::ContactKind;
 use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
 use super::solids::Solids;
@@ -251,7 +250,11 @@ impl<const D: usize> Line<D> {
         let touching = self.touch(nodes)?;
         let (mut total, mut held) = (0.0, 0.0);
         let mut u = Vector::<D>::zeros();
-        for (node, weight) in nodes.values.iter().zip(nodes.weights) {
+        let first = usize::from(touching.is_light(
+            [nodes.values[0][3], nodes.values[1][3]],
+            [nodes.weights[0], nodes.weights[1]],
+        ));
+        for (node, weight) in nodes.values.iter().zip(nodes.weights).skip(first) {
             if node[3] > SMALLEST_MASS {
                 total += weight * weight / node[3];
                 held += weight;
@@ -290,10 +293,11 @@ impl<const D: usize> Line<D> {
         let surface = solids.velocity(self.obstacle as usize, &self.x);
         let contact = solids.list[self.obstacle as usize].contact;
         let mut impulse = Vector::<D>::zeros();
-        let is_light = mass[0] * weights[1] < mass[1] * weights[0];
-        if contact.kind != ContactKind::Separating && is_light && mass[0] > SMALLEST_MASS {
-            // An outer node that is lighter than its weight would take most of the change, and material would creep off by a
-            // quarter of a cell before it is held. It stays with the surface, as an empty one does.
+        if mass[0] > SMALLEST_MASS
+            && touching.is_light([mass[0], mass[1]], [weights[0], weights[1]])
+        {
+            // It would take most of the change, and material would creep off by a quarter of a cell before it is held. It stays
+            // with the surface, as an empty one does.
             let v = Vector::from_fn(|axis, _| values[0][axis]);
             let gain = contact.resolve(&(v - surface), &self.normal, 0.0) + surface - v;
             for axis in 0..D {

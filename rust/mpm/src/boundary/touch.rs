@@ -8,11 +8,6 @@ use crate::grid::SMALLEST_MASS;
 /// lowest particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a
 /// fine one.
 const REACH: f64 = 0.45;
-/// Where it comes to rest on rigid bodies [cells], in 2D and in 3D. If it was held wherever it is within reach, a film without
-/// material would stay below a body that came down on it, as thick as it happened to be then. Masses of nodes fluctuate, and each
-/// line that finds too little lets material come nearer: in 2D by more, as fewer particles are around a node. With these distances
-/// blocks float at the level of their weight.
-const BODY_REST: [f64; 2] = [0.1, 0.0];
 /// The same of elastic bodies. With a larger one a round body stands on a flat and does not roll.
 const ELASTIC_REACH: f64 = 0.07;
 /// Distance up to which they may come nearer within a substep [cells]. If each line held what comes within reach, a round body
@@ -22,6 +17,16 @@ const ELASTIC_REST: f64 = -0.06;
 const RESTING_BELOW: f64 = 3.0e-5;
 /// The same where material cannot leave. It must include what hangs and is stretched, up to strains of tens of percent.
 const HELD_REACH: f64 = 0.9;
+/// Where what flows comes to rest on rigid bodies [cells], in 2D and in 3D. If it was held wherever it is within reach, a film without
+/// material would stay below a body that came down on it, as thick as it happened to be then. Masses of nodes fluctuate, and each
+/// line that finds too little lets material come nearer: in 2D by more, as fewer particles are around a node. With these distances
+/// blocks float at the level of their weight.
+const BODY_REST: [f64; 2] = [0.1, 0.0];
+/// An elastic body's outer node is taken for empty where the surface lies at least so far from the middle node towards the inner
+/// one [cells], and the mass that it has over that of the middle one is less than this part of the same of their weights. As the
+/// light node that it is there it would take most of the change, and a round body would sink and slip where it rolls.
+const LIGHT_BEYOND: f64 = 0.05;
+const LIGHT: f32 = 0.3;
 
 /// Where material touches a surface, from the mass of the middle node of a line over that of the inner one [-].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,9 +39,23 @@ pub(super) struct Touch {
     pub distance: f32,
     /// What comes nearer by less in a substep rests where it is [m].
     resting_below: f32,
+    /// Mass of the outer node over that of the middle one, and over the same of their weights, below which it is taken for empty.
+    light: f32,
 }
 
 impl Touch {
+    /// Whether the outer node may be taken for empty.
+    #[inline(always)]
+    pub fn may_be_light(&self) -> bool {
+        self.light > 0.0
+    }
+
+    /// Whether the outer node is taken for empty, by the masses and weights of the outer and the middle node.
+    #[inline(always)]
+    pub fn is_light(&self, mass: [f32; 2], weights: [f32; 2]) -> bool {
+        mass[0] * weights[1] < self.light * (mass[1] * weights[0])
+    }
+
     /// Whether material with these masses of the middle and the inner node touches.
     #[inline(always)]
     pub fn touches(&self, middle: f32, inner: f32) -> bool {
@@ -85,6 +104,7 @@ pub(super) fn touching(
             rest: at_rest,
             distance: ((reach - rest) * dx) as f32 / (at_rest - from),
             resting_below: 0.0,
+            light: 0.0,
         }
     };
     let held_from = |reach: f64| Touch {
@@ -92,9 +112,14 @@ pub(super) fn touching(
         rest: 0.0,
         distance: 0.0,
         resting_below: 0.0,
+        light: 0.0,
     };
     if kind != ContactKind::Separating {
-        return [held_from(HELD_REACH); 2];
+        let held = Touch {
+            light: 1.0,
+            ..held_from(HELD_REACH)
+        };
+        return [held; 2];
     }
     let flowing = body_rest.map_or(held_from(REACH), |rest| approaching(REACH, rest));
     if !elastic {
@@ -103,6 +128,7 @@ pub(super) fn touching(
     let resting_below = (RESTING_BELOW * dx) as f32;
     let elastic = Touch {
         resting_below,
+        light: if face > LIGHT_BEYOND { LIGHT } else { 0.0 },
         ..approaching(ELASTIC_REACH, ELASTIC_REST)
     };
     [flowing, elastic]

@@ -136,9 +136,7 @@ impl<const D: usize> ResolveLines<'_, '_, D> {
                 mu[lane] = self.friction.at(self.window.friction_mass, node, mass);
             }
         }
-        let closing = lines.closing_speeds(self.touching, self.dt);
-        let resting = self.touching.resting_speed(self.dt);
-        let given = lines.apply(self.wall, &mu, &closing, resting);
+        let given = lines.apply(self.wall, self.touching, &mu, self.dt);
         self.sum_up::<SIDE_BY_SIDE, N>(starts, found, axes, &given);
         let nodes = &mut *self.window.nodes;
         for step in 0..3 {
@@ -274,10 +272,14 @@ impl<const N: usize> ManyLines<N> {
         speeds
     }
 
-    /// Changes velocities so that the material at the wall obeys the contact, but for speeds `closing` towards it where it is
-    /// faster than `resting` [m/s]. Returns the impulses, by components.
+    /// Changes velocities so that the material at the wall obeys the contact in a substep of `dt` [s]. Returns the impulses, by
+    /// components.
     #[inline(always)]
-    fn apply(&mut self, wall: &Wall, mu: &Lanes, closing: &Lanes, resting: f32) -> [Lanes; N] {
+    fn apply(&mut self, wall: &Wall, touching: Touch, mu: &Lanes, dt: f32) -> [Lanes; N] {
+        let (closing, resting) = (
+            self.closing_speeds(touching, dt),
+            touching.resting_speed(dt),
+        );
         let mut given = [[0.0; LANES]; N];
         let separates = wall.contact.kind == ContactKind::Separating;
         let lost_always = if wall.contact.kind == ContactKind::Sticky {
@@ -285,17 +287,20 @@ impl<const N: usize> ManyLines<N> {
         } else {
             0.0
         };
-        if !separates {
+        if touching.may_be_light() {
             for i in 0..LANES {
-                // An outer node that is lighter than its weight would take most of the change, and material would creep off by
-                // a quarter of a cell before it is held. It stays with the wall, as an empty one does.
+                // It would take most of the change, and material would creep off by a quarter of a cell before it is held. It
+                // stays with the wall, as an empty one does.
                 let [outer, middle, _] = self.mass;
-                let light = outer[i] * wall.weights[1] < middle[i] * wall.weights[0];
+                let light =
+                    touching.is_light([outer[i], middle[i]], [wall.weights[0], wall.weights[1]]);
                 self.mass[0][i] = if light { 0.0 } else { outer[i] };
+                let leaves = separates & (self.v[0][0][i] * wall.inward >= 0.0);
                 for k in 0..N {
+                    let held = light & !leaves & (!separates | (k == 0));
                     let momentum = outer[i] * self.v[k][0][i];
-                    given[k][i] = if light { -momentum } else { 0.0 };
-                    self.v[k][0][i] = if light { 0.0 } else { self.v[k][0][i] };
+                    given[k][i] = if held { -momentum } else { 0.0 };
+                    self.v[k][0][i] = if held { 0.0 } else { self.v[k][0][i] };
                 }
             }
         }
