@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -165,10 +165,13 @@ def filled_share(scene: Scene) -> float:
     return float(min(volume, largest) / sides.prod())
 
 
-def fastest_impact(scene: Scene) -> float:
-    """Return a bound of the speed [m/s] with which matter in free fall reaches the floor."""
+def fastest_impact(scene: Scene, place: Sequence[float] | None = None) -> float:
+    """Return a bound of the speed [m/s] of matter in free fall at the floor, or at a place (D,) [m]."""
     gravity = np.array(scene.gravity)
-    floor = np.maximum(gravity * scene.walls.lower, gravity * scene.walls.upper).sum()
+    if place is None:
+        floor = np.maximum(gravity * scene.walls.lower, gravity * scene.walls.upper).sum()
+    else:
+        floor = gravity @ place
     squares = [0.0]
     for part in (*scene.bodies, *scene.emitters):
         lower, upper = part.bounds

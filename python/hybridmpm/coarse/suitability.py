@@ -63,8 +63,15 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
 
 
 def _speed_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
-    # What falls may be hit by what comes to meet it.
-    speed = fastest_impact(scene) + scene.fastest_obstacle
+    room = scene.walls.lower, scene.walls.upper
+    # What falls onto an obstacle that moves is hit by what comes to meet it.
+    meetings = (
+        fastest_impact(scene, min(one.corners(room), key=lambda place: np.dot(scene.gravity, place)))
+        + one.largest_speed(room)
+        for one in scene.obstacles
+        if one.motion is not None
+    )
+    speed = max([fastest_impact(scene), *meetings])
     if level.fastest is not None and speed > level.fastest:
         yield (
             f"this scene may reach {speed:.2g} m/s, but coarse level {level.name!r} was fitted up to "

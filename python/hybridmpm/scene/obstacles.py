@@ -57,13 +57,16 @@ class _Obstacle(Shaped):
         speed = math.hypot(*(self.motion.velocity or (0.0,)))
         if self.motion.angular_velocity is None or self.motion.center is None:
             return speed
-        places = {"lower", "upper", "center", "start", "end"} & self.vector_fields().keys()
-        points: Sequence[Point] = [getattr(self, name) for name in places] or room
-        if isinstance(self, PolygonShape | MeshShape):
-            points = list(self.bounds)
-        reach = float(np.linalg.norm(np.abs(np.subtract(points, self.motion.center)).max(axis=0)))
+        reach = float(np.linalg.norm(np.abs(np.subtract(self.corners(room), self.motion.center)).max(axis=0)))
         reach += getattr(self, "radius", 0.5 * getattr(self, "thickness", 0.0))
         return speed + float(np.linalg.norm(self.motion.angular_velocity)) * reach
+
+    def corners(self, room: tuple[Point, Point]) -> Sequence[Point]:
+        """Return points (n, D) [m] at its ends at the start; of a half space those of a `room`."""
+        if isinstance(self, PolygonShape | MeshShape):
+            return list(self.bounds)
+        places = {"lower", "upper", "center", "start", "end"} & self.vector_fields().keys()
+        return [getattr(self, name) for name in sorted(places)] or room
 
     def _at_rest(self) -> _core.Obstacle:
         raise NotImplementedError
