@@ -77,3 +77,17 @@ def test_a_body_parts_from_what_an_emitter_brings() -> None:
 def test_a_friction_out_of_range_is_refused() -> None:
     with pytest.raises(SceneError, match="contact_friction"):
         billiard(contact_friction=-0.1)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.2, 0.35, 0.6])
+def test_a_disc_rolls_wherever_its_floor_lies_between_nodes(place: float) -> None:
+    """Its path down 10 degrees is at least .9 of g sin(theta) t^2 / 3."""
+    height, radius, theta = (13 + place) / 128, 0.06, np.radians(10)
+    walls = Walls(lower=(0, height), upper=(1, 1), friction=1.0)
+    material = Elastic(youngs_modulus=2e6, poisson_ratio=0.3)
+    disc = Ball(material=material, center=(0.12, height + radius), radius=radius)
+    gravity = (9.81 * np.sin(theta), -9.81 * np.cos(theta))
+    solver = MpmSolver(Scene(dim=2, resolution=128, gravity=gravity, walls=walls, bodies=[disc]))
+    solver.advance(160)
+    path = solver.positions[:, 0].mean() - 0.12
+    assert path > 0.9 * gravity[0] * solver.time**2 / 3
