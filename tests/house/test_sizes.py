@@ -135,8 +135,8 @@ LIMITS = {
     # 45 lines time packages of others, and what grows.
     # 430 lines give what other programs write, and what users get wrong.
     # 15 lines let a body come down on all of the water.
-    "tests": (("tests/**.py",), 39_385),
-    "tests of the laboratory": (("tests/lab/**.py",), 2_135),
+    "tests": (("tests/**.py",), 39_410),
+    "tests of the laboratory": (("tests/lab/**.py",), 2_145),
 }
 """Patterns of git, and the most lines of the files that they match."""
 

@@ -58,6 +58,9 @@ def test_each_measure_decides_at_its_bound(
 
 def test_shown_particles_may_be_denser_and_nothing_may_pass_a_solid() -> None:
     assert judged(_run(crowding=1.2), _run(), all_simulated=False) == ("survived", [])
+    # A single particle is crowded by its place within its cell alone.
+    apart = dataclasses.replace(_run(crowding=0.9), looks=_run(crowding=0.9).looks[1:])
+    assert judged(apart, _run(crowding=0.5), all_simulated=True) == ("survived", [])
     through = dataclasses.replace(_run(), passed=0.01)
     assert judged(through, None, all_simulated=True) == ("degraded", ["passed a solid"])
     other = dataclasses.replace(_run(), same=False)
@@ -129,6 +132,13 @@ def test_what_is_refused_is_refused_before_any_frame(
     made = attempt(Cell(method, "water", 2, stress, level).trial, method)
     assert made.refused
     assert made.signals == (error,)
+
+
+def test_a_warning_of_the_check_is_a_signal() -> None:
+    trial = Cell("mpm", "sand", 2, "one particle", "on the floor").trial
+    brief = dataclasses.replace(trial, frames=4)
+    assert attempt(brief, "mpm").signals == ("check",)
+    assert attempt(brief, "neural").signals == ()
 
 
 @pytest.mark.parametrize("kind", CORRUPTIONS)

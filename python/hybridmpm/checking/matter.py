@@ -62,8 +62,11 @@ def _narrow(scene: Scene, resolution: int) -> Iterator[Finding]:
     """Yield the finding about sand whose noise walls rectify.
 
     Places of particles within their cells make a noise of their pressure. Sand bears no tension, so that the
-    noise is a pressure in the mean, which the walls of a narrow or full box do not let expand.
+    noise is a pressure in the mean, which the walls of a narrow or full box do not let expand. Without
+    gravity nothing presses at first, and nothing grows.
     """
+    if not any(scene.gravity):
+        return
     sides = np.subtract(scene.walls.upper, scene.walls.lower)
     full = filled_share(scene) >= FULL
     # The way along gravity is free where matter has a surface.

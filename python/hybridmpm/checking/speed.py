@@ -51,7 +51,8 @@ def impact_speed(scene: Scene, material: Material) -> float:
     """
     mine = material.to_native(scene.potential_drop or 1.0)
     impedance = mine.density * mine.sound_speed
-    fastest = scene.fastest_obstacle
+    room = scene.walls.lower, scene.walls.upper
+    fastest = max((obstacle.largest_speed(room) for obstacle in scene.obstacles), default=0.0)
     for part in (*scene.bodies, *scene.emitters):
         speed = _speed_at_floor(scene, part.velocity or (0.0,) * scene.dim, part.bounds)
         if part.material != material:

@@ -360,12 +360,6 @@ class Scene(Record):
         top = min(np.minimum(gravity * lower, gravity * upper).sum() for lower, upper in fluid)
         return float(floor - top)
 
-    @property
-    def fastest_obstacle(self) -> float:
-        """Largest speed [m/s] of an obstacle that moves; 0 without one."""
-        room = self.walls.lower, self.walls.upper
-        return max((obstacle.largest_speed(room) for obstacle in self.obstacles), default=0.0)
-
     def thin_obstacles(self) -> list[str]:
         """Return a message for each obstacle thinner than `MIN_CELLS_THICK` cells; it says what to do."""
         needed = MIN_CELLS_THICK * self.dx

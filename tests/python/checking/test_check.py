@@ -136,6 +136,18 @@ def test_each_finding_names_place_figures_and_remedy(
     assert found.ok
 
 
+def test_narrow_sand_without_gravity_gains_nothing_and_is_no_finding() -> None:
+    walls = {"lower": [0.1, 0.1], "upper": [0.3, 0.3]}
+
+    def is_found(**changed: Any) -> bool:
+        found = findings(scene(bodies=[IN_FULL_BOX], walls=walls, **changed))
+        return any("its pressure grows" in one.problem for one in found)
+
+    assert is_found()
+    assert is_found(gravity=[7, -7])
+    assert not is_found(gravity=[0, 0])
+
+
 def test_the_gravest_comes_first() -> None:
     stiff = BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}}
     thin = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.103]}
