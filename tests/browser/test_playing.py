@@ -352,7 +352,7 @@ GAUGES = {
     2: {
         "density": probes.Density([[0.3, 0.2], [0.52, 0.12]]),
         "patch": probes.PatchDensity((0.4, 0.1), (0.6, 0.3)),
-        "pressure": probes.Pressure([[0.2, 0.1], [0.6, 0.12], [0.85, 0.8]]),
+        "pressure": probes.Pressure([[0.2, 0.1], [0.475, 0.12], [0.7, 0.12], [0.85, 0.8]]),
         "mean pressure": probes.PatchPressure((0.1, 0.1), (0.3, 0.2)),
         "height": probes.HeightGauge(0.42),
         "level": probes.FillLevel((0.4, 0.1), (0.9, 0.2)),
@@ -364,7 +364,7 @@ GAUGES = {
     },
     3: {
         "density": probes.Density((0.5, 0.12, 0.5)),
-        "pressure": probes.Pressure((0.2, 0.1, 0.5)),
+        "pressure": probes.Pressure([[0.2, 0.1, 0.5], [0.6, 0.15, 0.5]]),
         "height": probes.HeightGauge((0.42, 0.5)),
         "level": probes.FillLevel((0.5, 0.1, 0.3), (0.8, 0.2, 0.7)),
         "flow": probes.Flow((0.43, 0.1, 0.1), (0.43, 0.4, 0.9)),

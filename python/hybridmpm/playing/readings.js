@@ -66,27 +66,41 @@ class Readings {
     return [room > 0 ? held / room : NaN];
   }
 
-  pressure({ points, reach, condition }) {
-    const [x, pressures] = [this.#get("simulated"), this.#get("pressures")];
-    const terms = this.#dim + 1;
+  pressure({ points, spacing, reach, beside, layer, least, condition }) {
+    const [x, pressures, dim] = [this.#get("simulated"), this.#get("pressures"), this.#dim];
+    const { lower, upper } = this.#about;
     return points.map((point) => {
-      const normal = Array.from({ length: terms }, () => new Array(terms).fill(0));
-      const right = new Array(terms).fill(0);
-      let count = 0;
-      this.#near(x, point, reach, (k) => {
-        const term = [1, ...point.map((value, axis) => (x[k * this.#dim + axis] - value) / reach)];
-        for (let i = 0; i < terms; i += 1) {
-          right[i] += term[i] * pressures[k];
-          for (let j = 0; j < terms; j += 1) normal[i][j] += term[i] * term[j];
+      const wall = Math.min(...point.map((value, i) => Math.min(value - lower[i], upper[i] - value)));
+      const [distance] = this.#now.distances(point);
+      const counts = this.#counting(point, distance, spacing, beside * spacing * Math.sqrt(dim));
+      const far = beside + layer - Math.max(0, Math.min(wall, distance)) / spacing;
+      const side = between(far, reach, beside) * spacing;
+      const near = [];
+      this.#near(x, point, side, (k) => near.push(k));
+      const room = counts ? this.#now.distances(near.flatMap((k) => Array.from(x.subarray(dim * k, dim * (k + 1))))) : [];
+      const normal = Array.from({ length: dim + 1 }, () => new Array(dim + 1).fill(0));
+      const right = new Array(dim + 1).fill(0);
+      const close = { count: 0, weight: 0, sum: 0 };
+      near.forEach((k, n) => {
+        const offset = point.map((value, axis) => x[k * dim + axis] - value);
+        const weight = !counts ? 1 : counts(offset) ? between(least + room[n] / spacing, 0, 1) : 0;
+        const term = [1, ...offset.map((value) => value / side)];
+        for (let i = 0; i <= dim; i += 1) {
+          right[i] += weight * term[i] * pressures[k];
+          for (let j = 0; j <= dim; j += 1) normal[i][j] += weight * term[i] * term[j];
         }
-        count += 1;
+        if (weight === 0 || offset.some((value) => Math.abs(value) >= reach * spacing)) return;
+        close.count += 1;
+        close.weight += weight;
+        close.sum += weight * pressures[k];
       });
-      if (count === 0) return 0;
-      const scaled = normal.map((row) => row.map((value) => value / count));
-      if (count > 2 * terms && spread(scaled) < condition) {
-        return solved(scaled, right.map((value) => value / count))[0];
+      if (close.count === 0) return 0;
+      const mean = close.sum / close.weight;
+      const scaled = normal.map((row) => row.map((value) => value / normal[0][0]));
+      if (close.count > 2 * (dim + 1) && spread(scaled) < condition) {
+        return Math.max(solved(scaled, right.map((value) => value / normal[0][0]))[0], Math.min(0, mean));
       }
-      return right[0] / count;
+      return mean;
     });
   }
 
@@ -232,6 +246,30 @@ class Readings {
         return u < 0.5 ? 0.75 - u ** 2 : 0.5 * Math.max(support - u, 0) ** 2;
       }),
     );
+  }
+
+  /** Whether what lies at an offset from a point counts, for obstacles that are crossed; null where none is near. */
+  #counting(point, distance, spacing, widest) {
+    if (distance >= widest) return null;
+    const step = spacing / 2;
+    const moved = (by) => point.map((value, i) => value + by[i]);
+    const sides = point.flatMap((_, axis) => [1, -1].map((sign) => moved(point.map((_, i) => (i === axis ? sign * step : 0)))));
+    const ends = this.#now.distances(sides.flat());
+    const slope = point.map((_, axis) => ends[2 * axis] - ends[2 * axis + 1]);
+    const length = Math.max(Math.hypot(...slope), 1e-3 * spacing);
+    const normal = slope.map((value) => value / length);
+    const along = Array.from({ length: Math.trunc(widest / step) - 1 }, (_, i) => (i + 1) * step);
+    const [back, front] = [-1, 1].map((sign) => {
+      const places = along.flatMap((way) => moved(normal.map((value) => sign * way * value)));
+      const taken = Array.from(this.#now.distances(places), (value) => value <= 0);
+      const entered = taken.indexOf(true);
+      const left = entered < 0 ? -1 : taken.indexOf(false, entered);
+      return left < 0 ? Infinity : (along[entered] + along[left - 1]) / 2;
+    });
+    return (offset) => {
+      const way = sum(offset.map((value, i) => value * normal[i]));
+      return way >= -back && way <= front;
+    };
   }
 
   #cached(key, compute) {

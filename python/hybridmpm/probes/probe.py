@@ -145,13 +145,18 @@ def between_walls(x: npt.NDArray[np.float32], size: float, scene: Scene) -> Floa
     return np.clip(x.astype(np.float64), lower + size / 2, upper - size / 2)
 
 
+def distances(x: npt.NDArray[Any], simulator: Probed) -> Floats:
+    """Return the distances (K,) of points (K, D) from the nearest obstacle now [m], negative inside."""
+    found = np.full(len(x), np.inf)
+    for obstacle in simulator.scene.obstacles:
+        one = obstacle.to_native().signed_distance(x.astype(np.float32), simulator.time)
+        found = np.minimum(found, one)
+    return found
+
+
 def outside_of_obstacles(x: Floats, simulator: Probed) -> npt.NDArray[np.bool_]:
     """Return whether points (K, D) lie in no obstacle, where these are at present."""
-    free = np.ones(len(x), dtype=np.bool_)
-    for obstacle in simulator.scene.obstacles:
-        distance = obstacle.to_native().signed_distance(x.astype(np.float32), simulator.time)
-        free &= distance > 0
-    return free
+    return distances(x, simulator) > 0
 
 
 def lattice(lower: Floats, upper: Floats, count: int) -> Floats:

@@ -1,9 +1,7 @@
 """Density and pressure, at points and in patches.
 
 The density at a point x counts the mass of particles by the weight prod_axis N((x_p - x) / h), where N is the
-quadratic B-spline (Jiang et al. 2016, Eq. 123), which reaches 1.5 h far. The pressure is a linear fit to all
-particles in a cube around the point, which weighs them alike: neighbouring layers at a wall differ by up to a
-third in pressure, and weights that fall off follow such differences.
+quadratic B-spline (Jiang et al. 2016, Eq. 123), which reaches 1.5 h far. `fit` has pressures.
 """
 
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.probes.fit import FIT, fitted_pressure
 from hybridmpm.probes.probe import (
     Floats,
     Probe,
@@ -28,16 +27,12 @@ from hybridmpm.scene import Scene
 
 _WIDTH = 3.0
 """Length h of the weights of a density [spacings]."""
-_REACH = 4.5
-"""Half of the side of the cube around a point to which a pressure is fitted [spacings]."""
 _SUPPORT = 1.5
 """Distance along an axis from which on a weight is zero [h]."""
 _SAMPLES = 24
 """Points along each axis at which the room beside obstacles is looked at."""
 _LEAST_ROOM = 0.05
 """Part of a weight outside of walls and obstacles below which there is nothing to read [-]."""
-_WORST_CONDITION = 1e3
-"""Condition number of a linear fit above which a mean is taken in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +110,9 @@ class PatchDensity(Probe):
 class Pressure(Probe):
     """Pressure at points [Pa]: that of MPM's stress, above 0 in compression; 0 where there is no material.
 
-    A linear function is fitted to the pressures in reach, so that on a floor the reading is that of the
-    floor, not of the particles above it. In a spray, where too few are in reach for a fit, it is their mean.
+    A linear function is fitted to the pressures in reach, so that at a surface the reading is that of the
+    surface, not of the particles beside it. What lies behind the nearest face of an obstacle is out of reach.
+    In a spray, where too few are in reach for a fit, it is their mean.
     """
 
     points: npt.ArrayLike
@@ -137,12 +133,8 @@ class Pressure(Probe):
         """
         points = checked_points("points", self.points, simulator.scene)
         samples = simulator.pressure_samples()
-        reach = _REACH * samples.spacing
-        values = np.zeros(len(points))
-        for row, point in enumerate(points):
-            near = _near(samples.x, point, reach)
-            values[row] = _fitted((samples.x[near] - point) / reach, samples.pressure[near])
-        return _shaped(values, self.points)
+        values = [fitted_pressure(samples, point, simulator) for point in points]
+        return _shaped(np.array(values), self.points)
 
     def plain(self, simulator: Probed) -> dict[str, Any]:
         """See `Probe.plain`."""
@@ -150,8 +142,8 @@ class Pressure(Probe):
         return {
             "kind": "pressure",
             "points": points,
-            "reach": _REACH * simulator.pressure_samples().spacing,
-            "condition": _WORST_CONDITION,
+            "spacing": simulator.pressure_samples().spacing,
+            **FIT,
             "marks": [[point] for point in points],
         }
 
@@ -239,20 +231,6 @@ def _cumulative(t: Floats) -> Floats:
     middle = 0.5 + t * (0.75 - t**2 / 3)
     below, above = np.clip(t + 1.5, 0, None) ** 3 / 6, 1 - np.clip(1.5 - t, 0, None) ** 3 / 6
     return np.where(np.abs(t) < 0.5, middle, np.where(t < 0, below, above))
-
-
-def _fitted(offsets: Floats, values: npt.NDArray[np.float32]) -> float:
-    """Return the value at offset zero of the linear function nearest to values (n,) at offsets (n, D) [-].
-
-    It is their mean where they are too few or lie too unevenly for a fit, and 0 where there are none.
-    """
-    if len(values) == 0:
-        return 0.0
-    terms = np.column_stack([np.ones(len(offsets)), offsets])
-    normal = terms.T @ terms / len(values)
-    if len(offsets) > 2 * terms.shape[1] and np.linalg.cond(normal) < _WORST_CONDITION:
-        return float(np.linalg.solve(normal, terms.T @ values / len(values))[0])
-    return float(values.mean(dtype=np.float64))
 
 
 def _shaped(values: Floats, points: npt.ArrayLike) -> Floats:

@@ -99,6 +99,29 @@ def test_pressure_and_density_of_a_pool_are_those_of_its_depth(settled: probes.T
     assert settled["patch density"].mean() == pytest.approx(1000, rel=0.03)
 
 
+SLOPE = {"shape": "half_space", "point": [0.183, 0.1], "normal": [-math.sin(0.5), math.cos(0.5)]}
+BLOCK = {"shape": "box", "lower": [0.28, 0.05], "upper": [0.4, 0.2625]}
+GATE = {"shape": "box", "lower": [0.345, 0.05], "upper": [0.37, 0.7]}
+BESIDE: list[tuple[Any, Any, float]] = [
+    (SLOPE, [[0.183 + y / math.tan(0.5), 0.1 + y] for y in (0.05, 0.1, 0.15)], 0.5),
+    (BLOCK, [[0.28, 0.13], [0.28, 0.19], [0.4, 0.13], [0.31, 0.2625], [0.36, 0.2625]], 0.5),
+    (GATE, [[0.345, 0.13], [0.34, 0.2], [0.34, 0.25]], 0.245),
+]
+
+
+@pytest.mark.parametrize(("obstacle", "points", "wide"), BESIDE)
+def test_pressure_at_an_obstacle_is_that_of_its_depth(obstacle: Any, points: Any, wide: float) -> None:
+    walls = {"lower": [0.1, 0.1], "upper": [0.6, 0.6]}
+    water = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.1 + wide, 0.4]}
+    solver = MpmSolver(pool(walls=walls, bodies=[water], obstacles=[obstacle], resolution=64))
+    solver.advance(600)
+    found = record(solver, 200, {"at": Pressure([*points, [0.1, 0.42], [0.37, 0.3]])}, every=5)["at"]
+    at, above, behind = np.split(found.mean(axis=0), [-2, -1])
+    np.testing.assert_allclose(at, 1000 * G * (0.4 - np.array(points)[:, 1]), rtol=0.07)
+    assert abs(above) < 60
+    assert obstacle is not GATE or behind == 0
+
+
 def test_height_and_filling_of_a_pool_are_those_at_rest(settled: probes.TimeSeries) -> None:
     for name in ("height", "corner"):
         assert settled[name].mean() == pytest.approx(0.3, abs=0.01)
