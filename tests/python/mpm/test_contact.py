@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import Ball, Box, Elastic, MpmSolver, Scene, SceneError
-from hybridmpm.scene import RectangularEmitter, Walls
+from hybridmpm.scene import RectangularEmitter, Wall, WallFaces, Walls
 
 WALLS = Walls(lower=(0.0, 0.0), upper=(1.0, 1.0))
 
@@ -91,3 +91,22 @@ def test_a_disc_rolls_wherever_its_floor_lies_between_nodes(place: float) -> Non
     solver.advance(160)
     path = solver.positions[:, 0].mean() - 0.12
     assert path > 0.9 * gravity[0] * solver.time**2 / 3
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.6])
+def test_a_block_slides_on_an_elastic_slab_as_on_a_plane(place: float) -> None:
+    """Its path down 25 degrees is at least .88 of Coulomb's. It rides up on no particles."""
+    material, low = Elastic(youngs_modulus=2e6, poisson_ratio=0.3), 8 / 64
+    top, theta, mu = low + (6 + place) / 64, np.radians(25), 0.2
+    walls = Walls(lower=(0, low), upper=(1, 1), faces=WallFaces(y_lower=Wall(contact="sticky")))
+    slab = Box(material=material, lower=(0.05, low), upper=(0.95, top))
+    block = Box(material=material, lower=(0.12, top), upper=(0.27, top + 0.1))
+    gravity = (9.81 * np.sin(theta), -9.81 * np.cos(theta))
+    scene = Scene(
+        dim=2, resolution=64, gravity=gravity, walls=walls, bodies=(slab, block), contact_friction=mu
+    )
+    is_block, solver = scene.sample().body == 1, MpmSolver(scene)
+    start = solver.positions[is_block, 0].mean()
+    solver.advance(220)
+    path = solver.positions[is_block, 0].mean() - start
+    assert path > 0.88 * (gravity[0] + mu * gravity[1]) * solver.time**2 / 2

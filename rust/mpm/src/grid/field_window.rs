@@ -12,6 +12,7 @@ use super::view::View;
 
 /// Fields that several threads read and write, each time on other planes.
 pub struct SharedFields<'a, const D: usize> {
+    pub(super) layout: &'a Layout<D>,
     pub(super) map: FieldMap<'a>,
     pub(super) starts: &'a [usize],
     pub(super) nodes: *mut f32x4,
@@ -31,12 +32,29 @@ impl<const D: usize> SharedFields<'_, D> {
         self.map
     }
 
-    /// The slots of some planes.
+    /// The slots of some planes, without slopes.
     ///
     /// # Safety
     /// While they are in use, no other window and no view has a plane of them.
     pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_, D> {
-        let nodes = self.nodes_of(planes);
+        // SAFETY: as above.
+        unsafe { self.with_slopes(planes, 0..0) }
+    }
+
+    /// The slots of some planes, with the slopes around them.
+    ///
+    /// # Safety
+    /// As for `window`, and nobody writes slopes of the planes up to `AROUND` before and behind.
+    pub unsafe fn meeting(&self, planes: Range<usize>) -> FieldWindow<'_, D> {
+        let around = planes.start.saturating_sub(AROUND)..planes.end + AROUND;
+        // SAFETY: as above.
+        unsafe { self.with_slopes(planes, around) }
+    }
+
+    /// # Safety
+    /// As for `window`, and nobody writes slopes of the planes `around`.
+    unsafe fn with_slopes(&self, planes: Range<usize>, around: Range<usize>) -> FieldWindow<'_, D> {
+        let (nodes, slopes) = (self.nodes_of(planes), self.nodes_of(around));
         let (first, count) = (nodes.start, nodes.len());
         // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
         unsafe {
@@ -51,7 +69,9 @@ impl<const D: usize> SharedFields<'_, D> {
                 first,
                 slots: &self.map.slots[first / CHUNK..(first + count) / CHUNK],
                 nodes: slice::from_raw_parts_mut(self.nodes.add(first), count),
-                slopes: slice::from_raw_parts(self.slopes.add(first), count),
+                layout: self.layout,
+                first_slope: slopes.start,
+                slopes: slice::from_raw_parts(self.slopes.add(slopes.start), slopes.len()),
                 friction_mass: numbers(self.friction_mass, 1),
                 volume: numbers(self.volume, 1),
                 old: numbers(self.old, Layout::<D>::OLD),
@@ -84,6 +104,10 @@ impl<const D: usize> SharedFields<'_, D> {
             // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
             nodes: unsafe { slice::from_raw_parts(self.nodes.add(nodes.start), nodes.len()) },
             // SAFETY: as above.
+            volume: self.volume.map_or(&[], |all| unsafe {
+                slice::from_raw_parts(all.add(nodes.start), nodes.len())
+            }),
+            // SAFETY: as above.
             old: self.old.map_or(&[], |all| unsafe {
                 let numbers = Layout::<D>::OLD;
                 slice::from_raw_parts(all.add(nodes.start * numbers), nodes.len() * numbers)
@@ -97,7 +121,11 @@ impl<const D: usize> SharedFields<'_, D> {
     }
 }
 
-/// The slots of some planes, and gradients of their nodes' masses [kg/cell] to be written.
+/// How far around a node the direction of contact there is found [nodes].
+const AROUND: usize = 2;
+
+/// The slots of some planes, and to be written for their nodes that several fields reach: the gradient of the distance of the
+/// field's face [-], and in lane 3 the part of the node that the field fills. All are zero at other nodes.
 pub struct Slopes<'a> {
     pub slots: &'a [Slot],
     pub values: &'a mut [f32x4],
@@ -111,8 +139,11 @@ pub struct FieldWindow<'a, const D: usize> {
     pub first: usize,
     pub slots: &'a [Slot],
     pub nodes: &'a mut [f32x4],
-    /// Gradients of the nodes' masses [kg/cell].
-    pub slopes: &'a [f32x4],
+    layout: &'a Layout<D>,
+    /// Number of the first node with slopes.
+    first_slope: usize,
+    /// See `Slopes`; also of planes around.
+    slopes: &'a [f32x4],
     /// Empty unless materials differ in wall friction.
     pub friction_mass: &'a mut [f32],
     /// Rest volume; empty unless materials of one field differ in density.
@@ -135,6 +166,32 @@ impl<const D: usize> FieldWindow<'_, D> {
         self.map
             .nodes(index, field)
             .map(|node| node.map(|node| node - first))
+    }
+
+    /// That of a node of `nodes`; see `Slopes`.
+    pub fn slope(&self, node: usize) -> &f32x4 {
+        &self.slopes[node + self.first - self.first_slope]
+    }
+
+    /// Calls back with the slopes of two fields at each node around one of the grid where both have slots; see `Slopes`.
+    pub fn slopes_around(&self, index: usize, of: [u16; 2], mut call: impl FnMut(&f32x4, &f32x4)) {
+        let rows = if D == 3 { 2 * AROUND + 1 } else { 1 };
+        let (plane, row) = (self.layout.stride(0), self.layout.stride(1) * (D - 2));
+        let first = index - AROUND * (plane + row + 1);
+        for start in (0..(2 * AROUND + 1) * rows).map(|k| first + k / rows * plane + k % rows * row)
+        {
+            let mut node = start;
+            while node <= start + 2 * AROUND {
+                let count = (CHUNK - node % CHUNK).min(start + 2 * AROUND + 1 - node);
+                let places = of.map(|field| self.map.place(node, field));
+                if let [NodePlace::Slot(one), NodePlace::Slot(other)] = places {
+                    let slopes = |first: usize| &self.slopes[first - self.first_slope..][..count];
+                    let pairs = slopes(one).iter().zip(slopes(other));
+                    pairs.for_each(|(one, other)| call(one, other));
+                }
+                node += count;
+            }
+        }
     }
 
     /// Zeroes the nodes of some of the planes.
@@ -162,6 +219,7 @@ pub struct FieldView<'a, const D: usize> {
     /// Number of the first node.
     first: usize,
     nodes: &'a [f32x4],
+    volume: &'a [f32],
     old: &'a [f32],
 }
 
@@ -196,6 +254,14 @@ impl<const D: usize> FieldView<'_, D> {
             }
         }
         places[0].is_some() | places[2].is_some()
+    }
+
+    /// Rest volumes of a field on a chunk where it has a slot [m^D].
+    pub fn volumes(&self, chunk: usize, field: u16) -> &[f32] {
+        match self.map.place(chunk * CHUNK, field) {
+            NodePlace::Slot(node) => &self.volume[node - self.first..][..CHUNK],
+            _ => &[],
+        }
     }
 
     /// Masses of a field on a chunk [kg]; none where it does not reach.

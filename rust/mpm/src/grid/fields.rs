@@ -40,7 +40,7 @@ pub struct Fields<const D: usize> {
     starts: Vec<usize>,
     /// As those of the grid.
     nodes: Vec<f32x4>,
-    /// Gradients of the masses [kg/cell] in lanes 0..D.
+    /// See `Slopes`.
     slopes: Vec<f32x4>,
     friction_mass: Vec<f32>,
     volume: Vec<f32>,
@@ -227,6 +227,7 @@ impl<const D: usize> Fields<D> {
         let friction_mass = kept(&mut self.friction_mass);
         let (volume, old) = (kept(&mut self.volume), kept(&mut self.old));
         SharedFields {
+            layout: &self.layout,
             map: self.map(),
             starts: &self.starts,
             nodes,

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::g2p::{Nodes, Outcome, OwnView, Solids, Time, g2p};
 use super::grid_update::{GridForces, accelerate_nodes, act_by_walls, grid_update};
-use super::meeting::find_slopes;
 use super::p2g::{Own, P2gStep, p2g};
 use crate::boundary::{Bounds, ContactNodes, Reactions};
 use crate::grid::{FieldView, FieldWindow, Grid, View, Window};
@@ -177,13 +176,13 @@ impl<const D: usize> Substep<'_, D> {
                     let view = unsafe { grid.view(around.clone()) };
                     // SAFETY: as above.
                     let fields = unsafe { grid.fields.view(around) };
-                    find_slopes(slopes, view, fields);
+                    self.forces.meeting.find_slopes(slopes, view, fields);
                 }
                 (Stage::Accelerate, ..) => {
                     // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
-                    // SAFETY: as above.
-                    let fields = meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
+                    // SAFETY: as above; no slab is thinner than what lies around, and neighbours have written their slopes.
+                    let fields = meet.then(|| unsafe { grid.fields.meeting(bands[slab].clone()) });
                     accelerate_nodes(window, &mut { fields }, grid.fields.map(), &self.forces);
                 }
                 (Stage::GridUpdate, ..) => {
@@ -191,8 +190,8 @@ impl<const D: usize> Substep<'_, D> {
                     let mut nodes = ContactNodes {
                         // SAFETY: bands of slabs are disjoint.
                         window: unsafe { grid.window(band.clone()) },
-                        // SAFETY: as above.
-                        fields: meet.then(|| unsafe { grid.fields.window(band) }),
+                        // SAFETY: as above; no slab is thinner than what lies around, and neighbours have written their slopes.
+                        fields: meet.then(|| unsafe { grid.fields.meeting(band) }),
                         kinds: grid.fields.map(),
                         friction: &self.forces.material_friction,
                         reactions: &mut unlocked(&reactions[slab]),
