@@ -7,11 +7,16 @@ from hybridmpm.scene import Box, BoxObstacle, Liquid, Motion, Scene, Wall, WallF
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result
 
 LIQUIDS = {
-    "Newtonian": (Liquid(viscosity=100), 2.0, 80),
-    "Bingham": (Liquid(viscosity=100, yield_stress=80), 1.6, 120),
-    "n = 0.5": (Liquid(viscosity=120, flow_index=0.5), 1.6, 120),
+    "Newtonian": (Liquid(viscosity=100), 4.0),
+    "Bingham": (Liquid(viscosity=100, yield_stress=80), 3.2),
+    "n = 0.5": (Liquid(viscosity=120, flow_index=0.5), 3.2),
 }
-"""Liquids of the channel with the gravity along it [m/s^2] and the frames after which its flow is steady."""
+"""Liquids of the channel with the gravity along it [m/s^2]."""
+CHANNEL = 0.1
+"""Width of the channel [m]: a ninth of its length, for its free ends slow nothing, and what is between them flows faster."""
+PLACES = (0.0, 0.35, 0.7)
+"""Where its lower wall lies beyond a node [cells]."""
+_FINE = 192  # [cells/m] of the channel
 _PROFILE, _SPREAD = 0.03, 0.1  # accepted relative errors [-]
 _WIDTH, _RESOLUTION, _G = 0.2, 128, 9.81
 _SPEED, _VISCOSITY = 0.2, 100.0  # of one plate against the other [m/s]; of what is between them [Pa s]
@@ -35,23 +40,27 @@ def run(resolutions: tuple[int, ...] = (64, 128), seconds: float = 6.0) -> Resul
 def _channel() -> tuple[list[Check], Panel]:
     """Let liquids fall along a channel with sticky walls, whose ends are open."""
     checks, curves = [], []
-    for k, (name, (liquid, gravity, frames)) in enumerate(LIQUIDS.items()):
-        fluid = Box(material=liquid, lower=(0.05, 0.3), upper=(0.85, 0.3 + _WIDTH))
-        walls = Walls(lower=(0.0, 0.3), upper=(1.0, 0.3 + _WIDTH), contact="sticky")
-        solver = MpmSolver(
-            Scene(dim=2, resolution=_RESOLUTION, gravity=(gravity, 0), walls=walls, bodies=[fluid])
-        )
-        solver.advance(frames)
-        y, u = _near_middle(solver)
-        place = y - 0.3 - _WIDTH / 2
-        fastest = channel_speed(liquid, np.zeros(1), liquid.density * gravity)[0]
-        error = _rms(u - channel_speed(liquid, place, liquid.density * gravity)) / fastest
-        checks.append(Check.at_most(f"channel, {name}: profile, rms over the largest speed", error, _PROFILE))
-        line = np.linspace(-_WIDTH / 2, _WIDTH / 2, 101)
-        exact = channel_speed(liquid, line, liquid.density * gravity) / fastest
+    for k, (name, (liquid, gravity)) in enumerate(LIQUIDS.items()):
+        weight = liquid.density * gravity
+        fastest = channel_speed(liquid, np.zeros(1), weight)[0]
+        errors = []
+        for cells in PLACES:
+            lower = (round(0.3 * _FINE) + cells) / _FINE
+            fluid = Box(material=liquid, lower=(0.05, lower), upper=(0.95, lower + CHANNEL))
+            walls = Walls(lower=(0.0, lower), upper=(1.0, lower + CHANNEL), contact="sticky")
+            solver = MpmSolver(
+                Scene(dim=2, resolution=_FINE, gravity=(gravity, 0), walls=walls, bodies=[fluid])
+            )
+            solver.advance(60)  # then the flow is steady
+            y, u = _near_middle(solver)
+            place = y - lower - CHANNEL / 2
+            errors.append(_rms(u - channel_speed(liquid, place, weight)) / fastest)
+        figure = f"channel, {name}: profile, rms over the largest speed, worst of {len(PLACES)} places"
+        checks.append(Check.at_most(figure, max(errors), _PROFILE))
+        line = np.linspace(-CHANNEL / 2, CHANNEL / 2, 101)
         curves += [
-            Curve(*_means(place / _WIDTH, u / fastest), name, k, "o"),
-            Curve(line / _WIDTH, exact, colour=k),
+            Curve(*_means(place / CHANNEL, u / fastest), name, k, "o"),
+            Curve(line / CHANNEL, channel_speed(liquid, line, weight) / fastest, colour=k),
         ]
     return checks, Panel("Channel", "place over the width", "speed over the largest", curves)
 
@@ -66,7 +75,7 @@ def channel_speed(liquid: Liquid, place: Floats, weight: float) -> Floats:
     def risen(distance: Floats) -> Floats:
         return np.asarray(np.maximum(weight * np.abs(distance) - liquid.yield_stress, 0) ** power)
 
-    fall = risen(np.array(_WIDTH / 2)) - risen(place)
+    fall = risen(np.array(CHANNEL / 2)) - risen(place)
     return np.asarray(fall / (weight * liquid.viscosity ** (1 / liquid.flow_index) * power))
 
 

@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from hybridmpm import Box, Liquid, MpmSolver, Scene, SceneError
-from hybridmpm.scene import LIQUIDS
+from hybridmpm.scene import LIQUIDS, BoxObstacle, Walls
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
@@ -58,6 +59,30 @@ def test_liquids_have_names_in_scene_files() -> None:
                     }
                 ],
             )
+
+
+@pytest.mark.parametrize("cells", [0.0, 0.35, 0.5, 0.8])
+@pytest.mark.parametrize("sides", ["walls", "obstacles"])
+def test_a_channel_flows_by_the_law_wherever_its_sides_lie_between_nodes(cells: float, sides: str) -> None:
+    width, viscosity, weight = 0.2, 100.0, 2000.0
+    lower = (20 + cells) / 64
+    upper = lower + width
+    held: dict[str, object] = {"walls": Walls(lower=(0, lower), upper=(1, upper), contact="sticky")}
+    if sides == "obstacles":
+        plates = [((0, lower - 0.1), (1, lower)), ((0, upper), (1, upper + 0.1))]
+        held = {
+            "walls": Walls(lower=(0, 0), upper=(1, 1)),
+            "obstacles": [BoxObstacle(lower=a, upper=b, contact="sticky") for a, b in plates],
+        }
+    fluid = Box(material=Liquid(viscosity=viscosity), lower=(0.05, lower), upper=(0.85, upper))
+    solver = MpmSolver(Scene(dim=2, resolution=64, gravity=(2, 0), bodies=[fluid], **held))
+    solver.advance(60)
+    x, v = solver.positions, solver.velocities
+    middle = np.abs(x[:, 0] - np.median(x[:, 0])) < 0.1
+    y = x[middle, 1] - lower
+    law = weight * y * (width - y) / (2 * viscosity)
+    assert v[middle, 0].sum() == pytest.approx(law.sum(), rel=0.03)
+    assert np.abs(v[middle, 0] - law).max() < 0.05 * law.max()
 
 
 def test_no_viscosity_needs_more_substeps_than_water() -> None:

@@ -4,10 +4,11 @@
 //! the impulse on the three nodes of a line. Nodes alone, inside or out, would put a surface off its place by up to half a
 //! cell, and would let material at rest sink.
 
+use super::contact::ContactKind;
 use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
 use super::solids::Solids;
-use super::touch::{Touch, body_rest, touching};
+use super::touch::{Touch, body_rest, heights, touching};
 use crate::grid::{SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
@@ -288,6 +289,9 @@ impl<const D: usize> Line<D> {
         solids: &Solids<D>,
     ) -> Option<(Vector<D>, f64)> {
         let touching = self.touch(nodes)?;
+        if solids.list[self.obstacle as usize].contact.kind == ContactKind::Sticky {
+            return Some(self.shear(nodes, solids));
+        }
         let (values, weights) = (&mut nodes.values, &nodes.weights);
         let mut mass = values.map(|node| node[3]);
         let surface = solids.velocity(self.obstacle as usize, &self.x);
@@ -334,5 +338,36 @@ impl<const D: usize> Line<D> {
             }
         }
         Some((impulse, f64::from(impulse.dot(&surface))))
+    }
+    /// Lets what is held shear along the solid; see `heights`. Rigid bodies, whose edges have more nodes, hold nothing.
+    fn shear<const N: usize>(
+        &self,
+        nodes: &mut LineNodes<N>,
+        solids: &Solids<D>,
+    ) -> (Vector<D>, f64) {
+        let surface = solids.velocity(self.obstacle as usize, &self.x);
+        let heights = heights(self.weights);
+        let inertia: f32 = (0..3)
+            .map(|k| nodes.values[k][3] * heights[k] * heights[k])
+            .sum();
+        let mut impulse = Vector::<D>::zeros();
+        if inertia > 0.0 {
+            for axis in 0..D {
+                let turning: f32 = (0..3)
+                    .map(|k| {
+                        nodes.values[k][3] * heights[k] * (nodes.values[k][axis] - surface[axis])
+                    })
+                    .sum();
+                let rate = turning / inertia;
+                for (node, height) in nodes.values.iter_mut().zip(heights) {
+                    if node[3] > SMALLEST_MASS {
+                        let gain = surface[axis] + rate * height - node[axis];
+                        node[axis] += gain;
+                        impulse[axis] += gain * node[3];
+                    }
+                }
+            }
+        }
+        (impulse, f64::from(impulse.dot(&surface)))
     }
 }

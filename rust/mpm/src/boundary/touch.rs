@@ -77,6 +77,16 @@ impl Touch {
     }
 }
 
+/// Distances of the outer, middle and inner node from a surface between them [cells], by their weights there.
+///
+/// What is held at a surface shears along it: v = s d, with s = sum(m d v) / sum(m d^2), the nearest such flow by momentum. All
+/// forces on the nodes then act on s as on the layer itself, so the plane without slip is the surface, wherever that lies between
+/// the nodes. If only the velocity at the surface was held, the outer node, which has little mass, would take most of the change.
+pub(super) fn heights([outer, _, inner]: [f32; 3]) -> [f32; 3] {
+    let face = inner - outer;
+    [-1.0 - face, -face, 1.0 - face]
+}
+
 /// Where what flows comes to rest on rigid bodies [cells].
 pub(super) fn body_rest<const D: usize>() -> f64 {
     BODY_REST[D - 2]

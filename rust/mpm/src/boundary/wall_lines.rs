@@ -3,7 +3,7 @@
 use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::reactions::Wrench;
-use super::touch::Touch;
+use super::touch::{Touch, heights};
 use crate::grid::{CHUNK, PADDING, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, LANES, Lanes, Quad};
 
@@ -272,21 +272,46 @@ impl<const N: usize> ManyLines<N> {
         speeds
     }
 
+    /// Lets what is held shear along the wall; see `heights`. Returns the impulses, by components.
+    #[inline(always)]
+    fn shear(&mut self, heights: [f32; 3]) -> [Lanes; N] {
+        let mut given = [[0.0; LANES]; N];
+        for i in 0..LANES {
+            let moments: [f32; 3] = std::array::from_fn(|step| self.mass[step][i] * heights[step]);
+            let inertia: f32 = (0..3).map(|step| moments[step] * heights[step]).sum();
+            let none = inertia <= 0.0;
+            for k in 0..N {
+                let turning: f32 = (0..3).map(|step| moments[step] * self.v[k][step][i]).sum();
+                let rate = turning / if none { 1.0 } else { inertia };
+                for step in 0..3 {
+                    let mass = self.mass[step][i];
+                    let v = self.v[k][step][i];
+                    let after = if none | (mass <= SMALLEST_MASS) {
+                        v
+                    } else {
+                        rate * heights[step]
+                    };
+                    given[k][i] += mass * (after - v);
+                    self.v[k][step][i] = after;
+                }
+            }
+        }
+        given
+    }
+
     /// Changes velocities so that the material at the wall obeys the contact in a substep of `dt` [s]. Returns the impulses, by
     /// components.
     #[inline(always)]
     fn apply(&mut self, wall: &Wall, touching: Touch, mu: &Lanes, dt: f32) -> [Lanes; N] {
+        if wall.contact.kind == ContactKind::Sticky {
+            return self.shear(heights(wall.weights));
+        }
         let (closing, resting) = (
             self.closing_speeds(touching, dt),
             touching.resting_speed(dt),
         );
         let mut given = [[0.0; LANES]; N];
         let separates = wall.contact.kind == ContactKind::Separating;
-        let lost_always = if wall.contact.kind == ContactKind::Sticky {
-            1.0
-        } else {
-            0.0
-        };
         if touching.may_be_light() {
             for i in 0..LANES {
                 // It would take most of the change, and material would creep off by a quarter of a cell before it is held. It
@@ -332,7 +357,7 @@ impl<const N: usize> ManyLines<N> {
                 let slip_squared: f32 = at_wall[1..].iter().map(|slip| slip * slip).sum();
                 // Coulomb friction takes at most this part of the slip.
                 let lost = 1.0 - remaining_slip(slip_squared.sqrt(), mu[i] * approach);
-                let lost = if separates { lost } else { lost_always };
+                let lost = if separates { lost } else { 0.0 };
                 for k in 1..N {
                     change[k] = -at_wall[k] * lost;
                 }
