@@ -275,7 +275,7 @@ def test_a_simulator_stands_for_its_scene_and_brings_what_its_level_does_not_sui
 @pytest.mark.parametrize(
     ("material", "problem"),
     [
-        ("oil", "flows along walls like one of about 3.2 Pa s on this grid"),
+        ("oil", "flows along walls like one of about 2 Pa s on this grid"),
         ("honey", None),
         ({"kind": "liquid", "viscosity": 2e3}, "its viscosity is so high that it rebounds"),
         ({"kind": "liquid", "viscosity": 1e3, "bulk_modulus": 2e6}, None),
