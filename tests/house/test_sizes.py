@@ -137,7 +137,8 @@ LIMITS = {
     # 430 lines give what other programs write, and what users get wrong.
     # 15 lines let a body come down on all of the water.
     # 10 lines read pressures at obstacles, and beside a gate.
-    "tests": (("tests/**.py",), 39_420),
+    # 40 lines let liquids flow between nodes, and elastic bodies slide on each other.
+    "tests": (("tests/**.py",), 39_460),
     "tests of the laboratory": (("tests/lab/**.py",), 2_145),
 }
 """Patterns of git, and the most lines of the files that they match."""

@@ -13,8 +13,8 @@ from hybridmpm.scene import Liquid, Scene
 WALL_LOSS = 0.03
 """Viscosity that no-slip walls a distance H apart seem to add, over dx^3 / (dt H) [-].
 
-Measured in steady channels with sticky walls, 6 to 19 cells apart, within a factor of 1.5; viscosity itself does
-not change it. Films on sticky floors and on those with friction agree."""
+Measured in steady channels with sticky walls, 6 to 19 cells apart, within a factor of 1.5; viscosity itself
+does not change it. Films on sticky floors and on those with friction agree."""
 WITH_LOSS = 0.2
 """Factor on it with `transfer_loss`."""
 ELASTIC = 0.4
