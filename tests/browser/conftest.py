@@ -260,7 +260,7 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
 
     A test's first page is loaded into the shared tab, which is empty before and after. What a test wants to
     `prepare` stays with a tab, so such a page gets one of its own. The function returns once `until` holds,
-    an expression as of `Visit.wait_for`, and the page rests at a frame.
+    an expression as of `Visit.wait_for`, and the page rests at the frame `paused_at`, whatever the machine's pace.
     """
     visits: list[Visit] = []
 
@@ -279,6 +279,9 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         visit = Visit(page)
         page.on("pageerror", visit.note_error)
         page.on("console", visit.note_line)
+        if paused_at is not None:
+            # With reduced motion nothing plays by itself. A page that plays would rest at a later frame if it is slow.
+            page.emulate_media(reduced_motion="reduce")
         # A test whose tab is to simulate says so: whether it keeps the pace depends on the machine.
         home = "" if "simulate=" in query else "simulate=server&"
         page.goto(f"{service.url}/?{home}{query}")
@@ -286,7 +289,10 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         if until:
             visit.wait_for(until)
         if paused_at is not None:
-            visit.pause_at(paused_at)
+            visit.wait_for("body.state === 'live'")
+            page.emulate_media(reduced_motion="null")
+            service.advance(visit.session, paused_at)
+            visit.wait_for(f"body.frame === '{paused_at}'")
         return visit
 
     yield open_one
