@@ -8,7 +8,7 @@ use super::contact::ContactKind;
 use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
 use super::solids::Solids;
-use super::touch::{Touch, body_rest, heights, touching};
+use super::touch::{Touch, body_rest, heights, shear, touching};
 use crate::grid::{SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
@@ -19,7 +19,6 @@ pub const BESIDE: f32 = 0.25;
 /// Lines this near to the sharp edge of an opening of a few cells are left out, too. So what flows through n cells has n + 1 columns
 /// of nodes wherever the edges lie between them. With one less half as much flows through two cells.
 pub const OPENING_INSET: f32 = 0.55;
-
 /// Two faces whose normals have a larger cosine have no edge between them: the surface is round there, or nearly flat.
 pub const SMOOTH: f32 = 0.8;
 /// Widest opening whose edges are left out [cells], and the step in which its other side is looked for.
@@ -290,7 +289,7 @@ impl<const D: usize> Line<D> {
     ) -> Option<(Vector<D>, f64)> {
         let touching = self.touch(nodes)?;
         if solids.list[self.obstacle as usize].contact.kind == ContactKind::Sticky {
-            return Some(self.shear(nodes, solids));
+            return Some(self.hold(nodes, solids));
         }
         let (values, weights) = (&mut nodes.values, &nodes.weights);
         let mut mass = values.map(|node| node[3]);
@@ -339,33 +338,24 @@ impl<const D: usize> Line<D> {
         }
         Some((impulse, f64::from(impulse.dot(&surface))))
     }
-    /// Lets what is held shear along the solid; see `heights`. Rigid bodies, whose edges have more nodes, hold nothing.
-    fn shear<const N: usize>(
+
+    /// Holds a body at the solid; see `shear`. Rigid bodies, whose edges have more nodes, hold nothing.
+    fn hold<const N: usize>(
         &self,
         nodes: &mut LineNodes<N>,
         solids: &Solids<D>,
     ) -> (Vector<D>, f64) {
         let surface = solids.velocity(self.obstacle as usize, &self.x);
         let heights = heights(self.weights);
-        let inertia: f32 = (0..3)
-            .map(|k| nodes.values[k][3] * heights[k] * heights[k])
-            .sum();
+        let mass = [0, 1, 2].map(|k| nodes.values[k][3]);
         let mut impulse = Vector::<D>::zeros();
-        if inertia > 0.0 {
-            for axis in 0..D {
-                let turning: f32 = (0..3)
-                    .map(|k| {
-                        nodes.values[k][3] * heights[k] * (nodes.values[k][axis] - surface[axis])
-                    })
-                    .sum();
-                let rate = turning / inertia;
-                for (node, height) in nodes.values.iter_mut().zip(heights) {
-                    if node[3] > SMALLEST_MASS {
-                        let gain = surface[axis] + rate * height - node[axis];
-                        node[axis] += gain;
-                        impulse[axis] += gain * node[3];
-                    }
-                }
+        for axis in 0..D {
+            let v = [0, 1, 2].map(|k| nodes.values[k][axis] - surface[axis]);
+            let after = shear(mass, heights, v);
+            for k in 0..3 {
+                let gain = after[k] - v[k];
+                nodes.values[k][axis] += gain;
+                impulse[axis] += gain * mass[k];
             }
         }
         (impulse, f64::from(impulse.dot(&surface)))

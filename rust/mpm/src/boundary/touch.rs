@@ -78,13 +78,30 @@ impl Touch {
 }
 
 /// Distances of the outer, middle and inner node from a surface between them [cells], by their weights there.
+pub(super) fn heights([outer, _, inner]: [f32; 3]) -> [f32; 3] {
+    let face = inner - outer;
+    [-1.0 - face, -face, 1.0 - face]
+}
+
+/// Velocities, relative to the surface and along one axis, of nodes with these masses and distances from it, once it holds them.
 ///
 /// What is held at a surface shears along it: v = s d, with s = sum(m d v) / sum(m d^2), the nearest such flow by momentum. All
 /// forces on the nodes then act on s as on the layer itself, so the plane without slip is the surface, wherever that lies between
 /// the nodes. If only the velocity at the surface was held, the outer node, which has little mass, would take most of the change.
-pub(super) fn heights([outer, _, inner]: [f32; 3]) -> [f32; 3] {
-    let face = inner - outer;
-    [-1.0 - face, -face, 1.0 - face]
+#[inline(always)]
+pub(super) fn shear(mass: [f32; 3], heights: [f32; 3], v: [f32; 3]) -> [f32; 3] {
+    let moments: [f32; 3] = std::array::from_fn(|step| mass[step] * heights[step]);
+    let inertia: f32 = (0..3).map(|step| moments[step] * heights[step]).sum();
+    let turning: f32 = (0..3).map(|step| moments[step] * v[step]).sum();
+    let none = inertia <= 0.0;
+    let rate = turning / if none { 1.0 } else { inertia };
+    std::array::from_fn(|step| {
+        if none | (mass[step] <= SMALLEST_MASS) {
+            v[step]
+        } else {
+            rate * heights[step]
+        }
+    })
 }
 
 /// Where what flows comes to rest on rigid bodies [cells].

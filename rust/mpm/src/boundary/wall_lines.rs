@@ -3,7 +3,7 @@
 use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::reactions::Wrench;
-use super::touch::{Touch, heights};
+use super::touch::{Touch, heights, shear};
 use crate::grid::{CHUNK, PADDING, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, LANES, Lanes, Quad};
 
@@ -272,27 +272,18 @@ impl<const N: usize> ManyLines<N> {
         speeds
     }
 
-    /// Lets what is held shear along the wall; see `heights`. Returns the impulses, by components.
+    /// Holds the material at the wall; see `shear`. Returns the impulses, by components.
     #[inline(always)]
-    fn shear(&mut self, heights: [f32; 3]) -> [Lanes; N] {
+    fn hold(&mut self, heights: [f32; 3]) -> [Lanes; N] {
         let mut given = [[0.0; LANES]; N];
         for i in 0..LANES {
-            let moments: [f32; 3] = std::array::from_fn(|step| self.mass[step][i] * heights[step]);
-            let inertia: f32 = (0..3).map(|step| moments[step] * heights[step]).sum();
-            let none = inertia <= 0.0;
+            let mass = self.mass.map(|mass| mass[i]);
             for k in 0..N {
-                let turning: f32 = (0..3).map(|step| moments[step] * self.v[k][step][i]).sum();
-                let rate = turning / if none { 1.0 } else { inertia };
+                let v = self.v[k].map(|v| v[i]);
+                let after = shear(mass, heights, v);
                 for step in 0..3 {
-                    let mass = self.mass[step][i];
-                    let v = self.v[k][step][i];
-                    let after = if none | (mass <= SMALLEST_MASS) {
-                        v
-                    } else {
-                        rate * heights[step]
-                    };
-                    given[k][i] += mass * (after - v);
-                    self.v[k][step][i] = after;
+                    given[k][i] += mass[step] * (after[step] - v[step]);
+                    self.v[k][step][i] = after[step];
                 }
             }
         }
@@ -304,7 +295,7 @@ impl<const N: usize> ManyLines<N> {
     #[inline(always)]
     fn apply(&mut self, wall: &Wall, touching: Touch, mu: &Lanes, dt: f32) -> [Lanes; N] {
         if wall.contact.kind == ContactKind::Sticky {
-            return self.shear(heights(wall.weights));
+            return self.hold(heights(wall.weights));
         }
         let (closing, resting) = (
             self.closing_speeds(touching, dt),
