@@ -260,7 +260,7 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
 
     A test's first page is loaded into the shared tab, which is empty before and after. What a test wants to
     `prepare` stays with a tab, so such a page gets one of its own. The function returns once `until` holds,
-    an expression as of `Visit.wait_for`, and the page rests at the frame `paused_at`, whatever the machine's pace.
+    an expression as of `Visit.wait_for`, and the page rests at `paused_at`, however slow the machine is.
     """
     visits: list[Visit] = []
 
@@ -280,7 +280,7 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         page.on("pageerror", visit.note_error)
         page.on("console", visit.note_line)
         if paused_at is not None:
-            # With reduced motion nothing plays by itself. A page that plays would rest at a later frame if it is slow.
+            # With reduced motion nothing plays by itself.
             page.emulate_media(reduced_motion="reduce")
         # A test whose tab is to simulate says so: whether it keeps the pace depends on the machine.
         home = "" if "simulate=" in query else "simulate=server&"
@@ -291,7 +291,8 @@ def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Ope
         if paused_at is not None:
             visit.wait_for("body.state === 'live'")
             page.emulate_media(reduced_motion="null")
-            service.advance(visit.session, paused_at)
+            if paused_at > 0:
+                service.advance(visit.session, paused_at)
             visit.wait_for(f"body.frame === '{paused_at}'")
         return visit
 

@@ -260,9 +260,8 @@ def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: 
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_tap_on_a_body_chooses_who_follows(open_page: Open, service: LiveService, width: int) -> None:
-    visit = open_page("scenario=water_sand_2d&seed=1&renderer=canvas2d")
-    visit.page.set_viewport_size({"width": width, "height": 844})
-    visit.pause_at(5)
+    viewport = {"width": width, "height": 844}
+    visit = open_page("scenario=water_sand_2d&seed=1&renderer=canvas2d", viewport, paused_at=5)
     visit.press_until("a", "body.tool === 'arrow'")
     particles = service.get(f"/v1/sessions/{visit.session}/particles")
     sand = [row for row, kind in zip(particles["positions"], particles["types"], strict=True) if kind == 6]

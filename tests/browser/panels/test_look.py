@@ -38,9 +38,8 @@ def test_particles_are_coloured_by_what_is_chosen(
     visit = open_page(
         f"renderer=canvas2d&scenario={scenario}&seed=3&coarse=1%2F16",
         viewport={"width": width, "height": 844},
+        paused_at=0,
     )
-    visit.pause_at(30)
-    visit.press_until("r", "body.frame === '0'")
     assert _hues(visit)["sand"] > 100
     expect(visit.page.locator("#scale")).to_be_hidden()
     visit.page.get_by_label("Colour particles by").select_option("Speed")
@@ -68,10 +67,8 @@ def test_particles_are_coloured_by_what_is_chosen(
 
 @pytest.mark.parametrize("scenario", [pytest.param("water_2d", marks=pytest.mark.long), "water_3d"])
 def test_webgl_has_the_same_scale(open_page: Open, service: LiveService, scenario: str) -> None:
-    visit = open_page(f"renderer=webgl2&scenario={scenario}&seed=3&coarse=1%2F16&colour=speed")
-    visit.wait_for("body.state === 'live' && body.renderer === 'webgl2'")
-    visit.pause_at(30)
-    visit.press_until("r", "body.frame === '0'")
+    visit = open_page(f"renderer=webgl2&scenario={scenario}&seed=3&coarse=1%2F16&colour=speed", paused_at=0)
+    visit.wait_for("body.renderer === 'webgl2'")
     visit.page.wait_for_timeout(300)
     shot = visit.page.locator("#view").screenshot()
     found = visit.page.evaluate(
