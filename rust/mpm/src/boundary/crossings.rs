@@ -23,10 +23,7 @@ pub const MANY: usize = if cfg!(target_arch = "wasm32") {
 };
 /// Most steps towards a surface; each leaves a fraction of the distance that was left.
 const MOST_STEPS: usize = 12;
-/// A line this near to the sharp edge of a face is left out [cells]. With lines up to the edge itself a face would count as
-/// wider than it is, as lines are a cell apart, and what flows beside it would be held.
-const INSET: f32 = 0.1;
-/// The same of rigid bodies, whose lines at an edge hold the columns beside them in part, so that faces count for their area.
+/// A line of a rigid body this near to the sharp edge of a face is left out [cells]: the one before holds its column in part.
 const BODY_INSET: f32 = 0.005;
 
 /// Coordinates and memory index of a node.
@@ -103,7 +100,7 @@ impl<const D: usize, const N: usize> Batch<D, N> {
                 continue;
             };
             let (left, normal) = ([distance / solids.layout.dx()], one(&normal));
-            let alone = Candidates::new(solids, index, one(&(x + lift)), 1);
+            let alone = Candidates::new(solids, index, one(&(x + lift)), 1).lifted(lift);
             for axis in axes(node.0[0]).filter(|axis| flat != Some(*axis)) {
                 for inward in [1.0, -1.0] {
                     let crossing = alone.crossing(axis, inward, [true], left, normal);
@@ -163,6 +160,8 @@ struct Candidates<'a, const D: usize, const N: usize> {
     x: [[f32; N]; D],
     /// Of those in use.
     count: usize,
+    /// How far beside their nodes the places are [m].
+    lift: Vector<D>,
 }
 
 /// Where the lines from several nodes in one direction cross the surface.
@@ -234,7 +233,24 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
             is_body: solids.is_body(index),
             x,
             count,
+            lift: Vector::zeros(),
         }
+    }
+
+    fn lifted(self, lift: Vector<D>) -> Self {
+        Self { lift, ..self }
+    }
+
+    /// Places of the next nodes on the lines, as these have them when they begin lines themselves: to the bit. If a node and the one
+    /// behind it disagreed by rounding on which side of a face it lies, each would leave the line to the other.
+    #[inline(always)]
+    fn next(&self, axis: usize, inward: f32) -> [[f32; N]; D] {
+        let mut places = self.x;
+        for place in &mut places[axis] {
+            let node = ((*place - self.lift[axis]) / self.dx).round();
+            *place = (node + inward) * self.dx + self.lift[axis];
+        }
+        places
     }
 
     /// Places on the lines, so far from their nodes [cells].
@@ -259,13 +275,19 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
     ) -> [bool; N] {
         let inside = self.places(axis, inward, &t.map(|t| t + inset));
         let (depth, deep) = self.obstacle.distances(self.pose, &inside);
+        // A line of an obstacle on the edge itself, up to rounding, is at it.
+        let most = if self.is_body {
+            0.0
+        } else {
+            ON_SURFACE * self.dx
+        };
         std::array::from_fn(|i| {
             let (mut beside, mut cosine) = (false, 0.0);
             for k in 0..D {
                 beside |= deep[k][i].abs() > deep[axis][i].abs();
                 cosine += deep[k][i] * normal[k][i];
             }
-            (depth[i] < 0.0) & beside & (cosine.abs() < SMOOTH)
+            (depth[i] < most) & beside & (cosine.abs() < SMOOTH)
         })
     }
 
@@ -321,7 +343,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
         }
         if any(&far) {
             // On the next node, up to rounding, where that does not begin the line itself.
-            let next = self.places(axis, inward, &[1.0; N]);
+            let next = self.next(axis, inward);
             let (distance, _) = self.obstacle.distances(self.pose, &next);
             for i in 0..N {
                 found[i] &= !(far[i] & (distance[i] > 0.0));
@@ -330,13 +352,14 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
         let mut near_edge = [false; N];
         if any(&found) {
             t = t.map(|t| t.min(1.0));
-            let inset = if self.is_body { BODY_INSET } else { INSET };
-            let left_out = self.is_behind_edge((axis, inward), &t, inset, &normal);
+            let inset = if self.is_body {
+                BODY_INSET
+            } else {
+                OPENING_INSET
+            };
+            near_edge = self.is_behind_edge((axis, inward), &t, inset, &normal);
             for i in 0..N {
-                found[i] &= !left_out[i];
-            }
-            if !self.is_body {
-                near_edge = self.is_behind_edge((axis, inward), &t, OPENING_INSET, &normal);
+                found[i] &= !(self.is_body & near_edge[i]);
             }
         }
         Crossings {

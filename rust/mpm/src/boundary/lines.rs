@@ -16,13 +16,17 @@ use crate::linalg::Vector;
 pub const LINE_CELLS: f32 = 1.01;
 /// How far from a surface its two sides are looked at [cells].
 pub const BESIDE: f32 = 0.25;
-/// Lines this near to the sharp edge of an opening of a few cells are left out, too. So what flows through n cells has n + 1 columns
+/// Lines this near to the sharp edge of an opening of a few cells are left out. So what flows through n cells has n + 1 columns
 /// of nodes wherever the edges lie between them. With one less half as much flows through two cells.
 pub const OPENING_INSET: f32 = 0.55;
 /// Two faces whose normals have a larger cosine have no edge between them: the surface is round there, or nearly flat.
 pub const SMOOTH: f32 = 0.8;
 /// Widest opening whose edges are left out [cells], and the step in which its other side is looked for.
 const OPENING_CELLS: f32 = 8.0;
+/// Of wider ones, up to so many cells, lines this near to the edge are left out [cells]. With lines up to the edge itself the faces
+/// count as wider than they are, as lines are a cell apart. Where nothing is opposite that does no harm, and holds water at a corner.
+const WIDE_OPENING_CELLS: f32 = 16.0;
+const WIDE_INSET: f32 = 0.1;
 const OPENING_STEP: f32 = 0.5;
 /// Distance that counts as none [cells].
 pub const ON_SURFACE: f32 = 1.0e-3;
@@ -176,7 +180,12 @@ impl<const D: usize> Solids<D> {
                         && self.distance(other, &there).0 < 0.0
                 })
         };
-        let steps = (OPENING_CELLS / OPENING_STEP) as usize;
+        let widest = if depth > -WIDE_INSET * dx {
+            WIDE_OPENING_CELLS
+        } else {
+            OPENING_CELLS
+        };
+        let steps = (widest / OPENING_STEP) as usize;
         let filled = (0..=steps).find(|step| is_filled(BESIDE + OPENING_STEP * *step as f32));
         filled.is_some_and(|step| step > 0)
     }

@@ -135,37 +135,83 @@ mod tests {
         }
     }
 
-    /// Columns from 0.3 to 0.7 without a line from above, on top of plates with an opening from one place to another [cells].
-    fn open_columns(lower: f32, upper: f32) -> usize {
+    #[test]
+    fn faces_have_all_their_lines_at_every_node_of_any_grid() {
+        for resolution in [40, 64, 96, 100, 128, 160] {
+            let layout = Layout::<2>::unit(resolution);
+            for node in 6..resolution - 6 {
+                let face = (node as f64 / resolution as f64) as f32;
+                for (axis, upper) in [(0, false), (0, true), (1, false), (1, true)] {
+                    let mut corners = [[0.0; 2], [1.0; 2]];
+                    corners[usize::from(upper)][axis] = face;
+                    let lines =
+                        Obstacles::new(vec![solid(corners[0], corners[1])], &walls(), &layout)
+                            .lines;
+                    let middle = |line: &&Line<2>| (0.249..0.751).contains(&line.x[1 - axis]);
+                    let count = lines[axis].iter().filter(middle).count();
+                    let [first, last] = [0.249, 0.751].map(|x| x * resolution as f32);
+                    let nodes = (last.floor() - first.ceil()) as usize + 1;
+                    assert_eq!(count, nodes, "{node} of {resolution}, {axis} {upper}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn faces_have_lines_up_to_their_edges() {
         let layout = Layout::<2>::unit(64);
-        let plates = [
-            solid([0.0, 0.3], [lower / 64.0, 0.4]),
-            solid([upper / 64.0, 0.3], [1.0, 0.4]),
-        ];
-        let lines = Obstacles::new(plates.to_vec(), &walls(), &layout).lines;
-        let held = |line: &&Line<2>| line.normal.y > 0.5 && (0.3..0.7).contains(&line.x[0]);
-        25 - lines[1].iter().filter(held).count()
+        for place in [0.04, 0.3, 0.5, 0.71, 0.96] {
+            let (lower, upper) = ((20.0 + place) / 64.0, (25.0 + place) / 64.0);
+            let square = solid([lower; 2], [upper; 2]);
+            let lines = Obstacles::new(vec![square], &walls(), &layout).lines;
+            let counts: Vec<_> = lines.iter().map(Vec::len).collect();
+            assert_eq!(counts, [10, 10], "{place}");
+        }
+    }
+
+    /// Columns from 0.3 to 0.7 without a line from beside, on plates across an axis with an opening from one place to another [cells].
+    fn open_columns(axis: usize, lower: f32, upper: f32) -> usize {
+        let layout = Layout::<2>::unit(64);
+        let plate = |from: f32, to: f32| {
+            let mut corners = [[from, 0.3], [to, 0.4]];
+            for corner in &mut corners {
+                corner.rotate_left(1 - axis);
+            }
+            solid(corners[0], corners[1])
+        };
+        let plates = vec![plate(0.0, lower / 64.0), plate(upper / 64.0, 1.0)];
+        let lines = Obstacles::new(plates, &walls(), &layout).lines;
+        let is_held = |column: &i32| {
+            lines[axis].iter().any(|line| {
+                let beside = line.x[1 - axis] * 64.0 - *column as f32;
+                line.normal[axis] > 0.5 && beside.abs() < 0.01
+            })
+        };
+        25 - (20..45).filter(is_held).count()
     }
 
     #[test]
     fn an_opening_of_a_few_cells_has_a_column_more_wherever_it_lies() {
         for place in [0.0, 0.12, 0.3, 0.42, 0.63, 0.88] {
-            for cells in [2, 3, 6] {
+            for (cells, axis) in [(2, 0), (3, 0), (6, 0), (2, 1), (3, 1), (6, 1)] {
                 let half = 0.5 * cells as f32;
-                let open = open_columns(32.0 + place - half, 32.0 + place + half);
+                let open = open_columns(axis, 32.0 + place - half, 32.0 + place + half);
                 // Edges that both lie half a cell beside a node have one more.
                 let halfway = (place - half).rem_euclid(1.0) == 0.5;
                 assert_eq!(
                     open,
                     cells + 1 + usize::from(halfway),
-                    "{cells} cells at {place}"
+                    "{cells} cells at {place} along {axis}"
                 );
             }
             // A seam of two solids is none, but for the column beside each edge.
-            assert!(open_columns(32.0 + place, 32.0 + place) <= 1, "{place}");
+            assert!(open_columns(1, 32.0 + place, 32.0 + place) <= 1, "{place}");
         }
-        // The edges of a wide one are those of the solids, and so is that of a solid alone.
-        assert_eq!(open_columns(26.3, 38.3), 12);
+        // The edges of a wide one are those of the solids, but for lines on them, and so is that of a solid alone.
+        for axis in 0..2 {
+            assert_eq!(open_columns(axis, 26.3, 38.3), 12);
+            assert_eq!(open_columns(axis, 26.0, 38.0), 13);
+        }
     }
 
     #[test]
