@@ -62,6 +62,28 @@ impl<const D: usize, const N: usize> Batch<D, N> {
         (self.obstacle, self.count) = (obstacle, self.count + 1);
     }
 
+    /// Moves those nodes to another batch that are near enough to begin lines. `find` empties it before one that it cannot take.
+    pub fn pass_on(&mut self, solids: &Solids<D>, to: &mut Self, mut find: impl FnMut(&mut Self)) {
+        let index = self.obstacle;
+        let count = std::mem::take(&mut self.count);
+        // Distances from facets cost too much to be found twice, and one at a time saves nothing.
+        let near = if N > 1 && count > 0 && solids.list[index].shape.is_convex() {
+            run_wide(Near(Candidates::new(solids, index, self.x, count)))
+        } else {
+            [true; N]
+        };
+        for lane in (0..count).filter(|lane| near[*lane]) {
+            if to.ends_before(index) {
+                find(to);
+            }
+            for axis in 0..D {
+                to.x[axis][to.count] = self.x[axis][lane];
+            }
+            to.nodes[to.count] = self.nodes[lane];
+            (to.obstacle, to.count) = (index, to.count + 1);
+        }
+    }
+
     /// Adds the lines that begin at the nodes, along the axes that are asked for in their planes, and forgets the nodes. `elastic`
     /// where elastic bodies may touch them.
     pub fn find(
@@ -208,8 +230,7 @@ impl<const D: usize, const N: usize> Kernel for Candidates<'_, D, N> {
         let (mut left, mut near) = ([0.0; N], [false; N]);
         for i in 0..N {
             left[i] = distance[i] / self.dx;
-            near[i] =
-                (distance[i] > 0.0) & (distance[i] <= LINE_CELLS * self.dx) & (i < self.count);
+            near[i] = self.begins(distance[i]) & (i < self.count);
         }
         if any(&near) {
             for (axis, both) in crossings.iter_mut().enumerate() {
@@ -219,6 +240,19 @@ impl<const D: usize, const N: usize> Kernel for Candidates<'_, D, N> {
             }
         }
         crossings
+    }
+}
+
+/// Which of them are near enough to begin lines.
+struct Near<'a, const D: usize, const N: usize>(Candidates<'a, D, N>);
+
+impl<const D: usize, const N: usize> Kernel for Near<'_, D, N> {
+    type Output = [bool; N];
+
+    #[inline(always)]
+    fn run<Q: Quad>(self) -> Self::Output {
+        let (distance, _) = self.0.obstacle.distances(self.0.pose, &self.0.x);
+        distance.map(|distance| self.0.begins(distance))
     }
 }
 
@@ -251,6 +285,12 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
             *place = (node + inward) * self.dx + self.lift[axis];
         }
         places
+    }
+
+    /// Whether a node at this distance [m] may begin lines.
+    #[inline(always)]
+    fn begins(&self, distance: f32) -> bool {
+        (distance > 0.0) & (distance <= LINE_CELLS * self.dx)
     }
 
     /// Places on the lines, so far from their nodes [cells].

@@ -1,16 +1,17 @@
 //! Motion of solids, and which grid nodes they can touch for a while.
 
-use super::lines::LINE_CELLS;
+use super::lines::{LINE_CELLS, lowest_start};
 use super::motion::Pose;
-use super::node::{BAND_CELLS, ByRow, Nearness, reach_until_sort, stencil_reach};
+use super::node::{BAND_CELLS, ByRow, Nearness, acts_at, reach_until_sort, stencil_reach};
 use super::obstacle::Obstacle;
 use super::solids::Solids;
 use crate::grid::Layout;
 use crate::linalg::Vector;
 use threads::interrupted;
 
-/// How far solids may move before the nodes that they can touch are looked for anew.
-const MARGIN_CELLS: f32 = 2.0;
+/// How far solids may move before the nodes that they can touch are looked for anew: a search costs less than to test more nodes in
+/// each substep.
+const MARGIN_CELLS: f32 = 1.0;
 /// More than rounding changes a distance by [cells].
 const ROUNDING_CELLS: f32 = 0.01;
 
@@ -34,7 +35,9 @@ pub struct Movement<const D: usize> {
     pub speed: f32,
     /// Bound on how far the solids have moved since the nodes were looked for [m].
     pub moved: f32,
+    /// Nodes that may begin lines across a surface, and those that may lie deep inside.
     pub nodes: ByRow<ReachableNode>,
+    pub deep: ByRow<ReachableNode>,
     /// Nodes near to obstacles at rest, as `Obstacles::near`.
     near_resting: Vec<Nearness>,
     /// When the nodes were looked for [s]; None before the first search.
@@ -49,6 +52,7 @@ impl<const D: usize> Movement<D> {
             speed: 0.0,
             moved: 0.0,
             nodes: ByRow::EMPTY,
+            deep: ByRow::EMPTY,
             near_resting,
             searched: None,
         }
@@ -107,7 +111,9 @@ impl<const D: usize> Movement<D> {
     fn search(&mut self, solids: &Solids<D>, near: &mut [Nearness]) {
         near.copy_from_slice(&self.near_resting);
         let layout = &solids.layout;
+        let most_moved = (MARGIN_CELLS + 2.0 * ROUNDING_CELLS) * layout.dx();
         self.nodes.clear();
+        self.deep.clear();
         for row in 0..layout.row_count() {
             let list = if interrupted() { &[] } else { &solids.list[..] };
             for (index, obstacle) in list.iter().enumerate() {
@@ -115,18 +121,26 @@ impl<const D: usize> Movement<D> {
                     && !is_far(solids, index, row)
                 {
                     let near = &mut near[row * layout.row_length..][..layout.columns()];
+                    let lowest = lowest_start(obstacle, layout.dx()) - most_moved;
                     let found = |column: usize, distance: f32, _| {
-                        self.nodes.nodes.push(ReachableNode {
+                        let node = ReachableNode {
                             column: column as u32,
                             obstacle: index as u32,
                             distance,
-                        });
+                        };
+                        if distance > lowest {
+                            self.nodes.nodes.push(node);
+                        }
+                        if acts_at(distance, most_moved, layout) {
+                            self.deep.nodes.push(node);
+                        }
                     };
                     let solid = (obstacle, Some(pose));
                     search_row(solid, layout, row, MARGIN_CELLS, near, found);
                 }
             }
             self.nodes.end_row();
+            self.deep.end_row();
         }
     }
 }

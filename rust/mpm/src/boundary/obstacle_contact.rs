@@ -133,7 +133,10 @@ impl<const D: usize> Obstacles<D> {
         let (dx, moved) = (layout.dx(), movement.moved);
         let (window, elastic) = (&nodes.window, nodes.kinds.any_elastic());
         let shared = |chunk: usize| nodes.fields.is_some() && nodes.kinds.is_shared(chunk);
-        let mut batch = Batch::<D, MANY>::new();
+        let (mut candidates, mut near) = (Batch::<D, MANY>::new(), Batch::<D, MANY>::new());
+        let find = |near: &mut Batch<D, MANY>, found: &mut Found<D>| {
+            near.find(solids, elastic, &axes, &mut found.lines);
+        };
         for span in window.active_in(planes) {
             let mut place = layout.row_coordinates(span.row);
             for reachable in movement.nodes.row(span.row) {
@@ -152,13 +155,14 @@ impl<const D: usize> Obstacles<D> {
                     continue;
                 }
                 place[D - 1] = column;
-                if batch.ends_before(index) {
-                    batch.find(solids, elastic, &axes, &mut found.lines);
+                if candidates.ends_before(index) {
+                    candidates.pass_on(solids, &mut near, |near| find(near, found));
                 }
-                batch.add(index, (place, memory), layout);
+                candidates.add(index, (place, memory), layout);
             }
         }
-        batch.find(solids, elastic, &axes, &mut found.lines);
+        candidates.pass_on(solids, &mut near, |near| find(near, found));
+        find(&mut near, found);
     }
 
     fn act_on_lines(&self, nodes: &mut ContactNodes<'_, D>, lines: &[Line<D>]) -> f64 {
@@ -242,7 +246,7 @@ impl<const D: usize> Obstacles<D> {
             act(node.column, node.obstacle, Some(node.normal));
         }
         if let Some(movement) = &self.movement {
-            for node in movement.nodes.row(span.row) {
+            for node in movement.deep.row(span.row) {
                 if acts_at(node.distance, movement.moved, layout) {
                     act(node.column, node.obstacle, None);
                 }
