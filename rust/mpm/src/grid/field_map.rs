@@ -61,6 +61,38 @@ pub enum NodePlace {
     Nowhere,
 }
 
+/// Where three nodes of one field side by side are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RowPlace {
+    Grid,
+    /// Number of the first node among those of slots; the others follow it.
+    Slot(usize),
+    /// Numbers of nodes among those of slots; None for one on the grid.
+    Parts([Option<usize>; 3]),
+}
+
+impl RowPlace {
+    /// The same with each number less by `first`.
+    #[inline(always)]
+    pub(super) fn from(self, first: usize) -> Self {
+        match self {
+            Self::Grid => Self::Grid,
+            Self::Slot(node) => Self::Slot(node - first),
+            Self::Parts(nodes) => Self::Parts(nodes.map(|node| node.map(|node| node - first))),
+        }
+    }
+
+    /// Each node: its number among those of slots; None on the grid.
+    #[inline(always)]
+    pub fn each(self) -> [Option<usize>; 3] {
+        match self {
+            Self::Grid => [None; 3],
+            Self::Slot(node) => [0, 1, 2].map(|step| Some(node + step)),
+            Self::Parts(nodes) => nodes,
+        }
+    }
+}
+
 impl<'a> FieldMap<'a> {
     /// Whether a field is that of an elastic body.
     pub fn is_elastic(&self, field: u16) -> bool {
@@ -157,21 +189,23 @@ impl<'a> FieldMap<'a> {
 
     /// The same for three nodes side by side.
     #[inline(always)]
-    pub(super) fn nodes(&self, index: usize, field: u16) -> [Option<usize>; 3] {
+    pub(super) fn row(&self, index: usize, field: u16) -> RowPlace {
         let first = self.node(index, field);
         // Nodes of the first one's chunk follow it.
         let left = CHUNK - index % CHUNK;
-        let next = if left < 3 {
-            self.node(index + left, field)
-        } else {
-            None
-        };
-        std::array::from_fn(|step| {
+        if left >= 3 {
+            return first.map_or(RowPlace::Grid, RowPlace::Slot);
+        }
+        let next = self.node(index + left, field);
+        if first.is_none() && next.is_none() {
+            return RowPlace::Grid;
+        }
+        RowPlace::Parts(std::array::from_fn(|step| {
             if step < left {
                 first.map(|node| node + step)
             } else {
                 next.map(|node| node + step - left)
             }
-        })
+        }))
     }
 }

@@ -6,7 +6,7 @@ use std::slice;
 
 use wide::f32x4;
 
-use super::field_map::{FieldMap, Holder, NodePlace, Slot};
+use super::field_map::{FieldMap, Holder, NodePlace, RowPlace, Slot};
 use super::layout::{CHUNK, Layout};
 use super::view::View;
 
@@ -125,7 +125,7 @@ impl<const D: usize> SharedFields<'_, D> {
 const AROUND: usize = 2;
 
 /// The slots of some planes, and to be written for their nodes that several fields reach: the gradient of the distance of the
-/// field's face [-], and in lane 3 the part of the node that the field fills. All are zero at other nodes.
+/// field's face where it may matter [-], and in lane 3 the part of the node that the field fills. All are zero at other nodes.
 pub struct Slopes<'a> {
     pub slots: &'a [Slot],
     pub values: &'a mut [f32x4],
@@ -159,13 +159,10 @@ impl<const D: usize> FieldWindow<'_, D> {
         self.map.near(start)
     }
 
-    /// The places in `nodes` that stand for three nodes of the grid side by side; None where the grid's own do.
+    /// Where in `nodes` those are that stand for three nodes of the grid side by side.
     #[inline(always)]
-    pub fn places(&self, index: usize, field: u16) -> [Option<usize>; 3] {
-        let first = self.first;
-        self.map
-            .nodes(index, field)
-            .map(|node| node.map(|node| node - first))
+    pub fn row(&self, index: usize, field: u16) -> RowPlace {
+        self.map.row(index, field).from(self.first)
     }
 
     /// That of a node of `nodes`; see `Slopes`.
@@ -218,9 +215,10 @@ pub struct FieldView<'a, const D: usize> {
     map: FieldMap<'a>,
     /// Number of the first node.
     first: usize,
-    nodes: &'a [f32x4],
+    pub nodes: &'a [f32x4],
     volume: &'a [f32],
-    old: &'a [f32],
+    /// See `Grid`.
+    pub old: &'a [f32],
 }
 
 impl<const D: usize> FieldView<'_, D> {
@@ -230,30 +228,10 @@ impl<const D: usize> FieldView<'_, D> {
         self.map.near(start)
     }
 
-    /// Writes three nodes side by side of a field that reaches them, its own or the grid's, and what they keep of before forces
-    /// (see `Grid`). Returns whether some are its own.
+    /// Where in `nodes` those are that stand for three nodes of the grid side by side.
     #[inline(always)]
-    pub fn row(
-        &self,
-        grid: View<'_, D>,
-        index: usize,
-        field: u16,
-        (to_nodes, to_old): (&mut [f32x4; 4], &mut [f32; 16]),
-    ) -> bool {
-        let places = self.map.nodes(index, field);
-        let numbers = Layout::<D>::OLD;
-        for step in 0..3 {
-            let (place, nodes, old) = match places[step] {
-                Some(place) => (place - self.first, self.nodes, self.old),
-                None => (index + step - grid.first, grid.nodes, grid.old),
-            };
-            to_nodes[step] = nodes[place];
-            if !old.is_empty() {
-                to_old[step * numbers..(step + 1) * numbers]
-                    .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
-            }
-        }
-        places[0].is_some() | places[2].is_some()
+    pub fn row(&self, index: usize, field: u16) -> RowPlace {
+        self.map.row(index, field).from(self.first)
     }
 
     /// Rest volumes of a field on a chunk where it has a slot [m^D].

@@ -11,7 +11,7 @@ mod view;
 mod window;
 
 pub use active::ActiveSpans;
-pub use field_map::{FieldMap, NodePlace};
+pub use field_map::{FieldMap, NodePlace, RowPlace, Slot};
 pub use field_window::{FieldView, FieldWindow, Slopes};
 pub use fields::{FieldSums, Fields};
 pub use layout::{CHUNK, Layout, MARGIN, PADDING, Place, Span};

@@ -7,7 +7,7 @@
 use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles, Reactions};
-use crate::grid::{FieldView, Layout, Stencils, View};
+use crate::grid::{FieldView, Layout, RowPlace, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
@@ -197,26 +197,27 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
         let mut broken = [0u32; LANES];
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
-            let mut sums = gather::<Q, D, KEEPS>(grid, &stencils, block.count.min(LANES));
+            let count = block.count.min(LANES);
+            let own = own.filter(|own| {
+                let mut starts = stencils.start[..count].iter();
+                starts.any(|&start| own.fields.near(start as usize))
+            });
+            // Blocks that touch slots are gathered by their own.
+            let on_grid = if own.is_some() { 0 } else { count };
+            let mut sums = gather::<Q, D, KEEPS>(grid, &stencils, on_grid);
             let mut old = [f32x4::ZERO; LANES];
             if KEEPS && D == 3 {
-                old = gather_old::<Q, D>(grid, &stencils, block.count.min(LANES));
+                old = gather_old::<Q, D>(grid, &stencils, on_grid);
             }
             if let Some(own) = own {
-                let (count, stencils, sums) = (block.count.min(LANES), &stencils, &mut sums);
-                if stencils.start[..count]
-                    .iter()
-                    .any(|&start| own.fields.near(start as usize))
-                {
-                    run_wide(GatherOwn {
-                        own,
-                        grid,
-                        stencils,
-                        count,
-                        sums,
-                        old: (KEEPS && D == 3).then_some(&mut old),
-                    });
-                }
+                run_wide(GatherOwn {
+                    own,
+                    grid,
+                    stencils: &stencils,
+                    count,
+                    sums: &mut sums,
+                    old: (KEEPS && D == 3).then_some(&mut old),
+                });
             }
             let deviating = Deviating {
                 old: &old,
@@ -333,7 +334,7 @@ fn gather_old<Q: Quad, const D: usize>(
     sums
 }
 
-/// Replaces the sums of the particles of a block that touch slots.
+/// Finds the sums of the first `count` particles of a block, some of which touch slots.
 struct GatherOwn<'a, 's, const D: usize> {
     own: OwnView<'a, D>,
     grid: View<'a, D>,
@@ -350,44 +351,94 @@ impl<const D: usize> Kernel for GatherOwn<'_, '_, D> {
     #[inline(always)]
     fn run<Q: Quad>(mut self) {
         let (own, layout) = (self.own, &self.grid.layout);
-        let keeps_in_2d = D == 2 && !self.grid.old.is_empty();
-        // Behind each row is an empty node.
-        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
-        let mut old_rows = [[[0.0; 16]; 3]; 3];
-        let (mut previous, mut touches) = (usize::MAX, false);
+        let mut rows = [[Q::zero(); 3]; 3];
+        let mut old_rows = [[Q::zero(); 3]; 3];
+        let mut previous = usize::MAX;
         for i in 0..self.count {
             let start = self.stencils.start[i] as usize;
-            if !own.fields.near(start) {
-                continue;
-            }
             // Neighbours in the order often have the same nodes.
             if start != previous {
-                (previous, touches) = (start, false);
+                previous = start;
+                let near = own.fields.near(start);
                 for a in 0..3 {
                     for b in 0..if D == 3 { 3 } else { 1 } {
                         let first = start + layout.stencil_row([a, b]);
-                        let to = (&mut rows[a][b], &mut old_rows[a][b]);
-                        touches |= own.fields.row(self.grid, first, own.field, to);
+                        let on_grid = first - self.grid.first;
+                        (rows[a][b], old_rows[a][b]) = if near {
+                            self.row(first)
+                        } else {
+                            load_row::<Q, D>(self.grid.nodes, self.grid.old, on_grid)
+                        };
                     }
                 }
             }
-            if touches {
-                self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| {
-                    let nodes = Q::load(&rows[a][b]);
-                    if keeps_in_2d {
-                        let [a, b, c, d, ..] = old_rows[a][b];
-                        nodes.with_last_numbers([a, b, c, d])
-                    } else {
-                        nodes
-                    }
-                });
-                if let Some(old) = &mut self.old {
-                    let row = |a: usize, b: usize| Q::of_numbers(&old_rows[a][b]);
-                    let quad = sum_up_old(self.stencils, i, row);
-                    [old[i], ..] = Q::sums([quad, Q::zero(), Q::zero(), Q::zero()]);
-                }
+            self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| rows[a][b]);
+            if let Some(old) = &mut self.old {
+                let quad = sum_up_old(self.stencils, i, |a, b| old_rows[a][b]);
+                [old[i], ..] = Q::sums([quad, Q::zero(), Q::zero(), Q::zero()]);
             }
         }
+    }
+}
+
+impl<const D: usize> GatherOwn<'_, '_, D> {
+    /// Three nodes side by side, some of which may be the field's own, with an empty one behind; and in 3D what they keep of
+    /// before forces, which in 2D is part of them.
+    #[inline(always)]
+    fn row<Q: Quad>(&self, first: usize) -> (Q, Q) {
+        let (fields, grid) = (self.own.fields, self.grid);
+        let on_grid = first - grid.first;
+        let place = fields.row(first, self.own.field);
+        let (nodes, old) = match place {
+            RowPlace::Grid => load_row::<Q, D>(grid.nodes, grid.old, on_grid),
+            RowPlace::Slot(node) if node + 4 <= fields.nodes.len() => {
+                load_row::<Q, D>(fields.nodes, fields.old, node)
+            }
+            place => {
+                let numbers = Layout::<D>::OLD;
+                let (mut row, mut row_old) = ([f32x4::ZERO; 4], [0.0; 16]);
+                for (step, place) in place.each().into_iter().enumerate() {
+                    let (place, nodes, old) = match place {
+                        Some(place) => (place, fields.nodes, fields.old),
+                        None => (on_grid + step, grid.nodes, grid.old),
+                    };
+                    row[step] = nodes[place];
+                    if !old.is_empty() {
+                        row_old[step * numbers..(step + 1) * numbers]
+                            .copy_from_slice(&old[place * numbers..(place + 1) * numbers]);
+                    }
+                }
+                let old = if grid.old.is_empty() {
+                    &[][..]
+                } else {
+                    &row_old
+                };
+                load_row::<Q, D>(&row, old, 0)
+            }
+        };
+        (
+            nodes.with_last_node(f32x4::ZERO),
+            old.with_last_node(f32x4::ZERO),
+        )
+    }
+}
+
+/// Four nodes from one on; and in 3D what they keep of before forces, which in 2D is part of them.
+#[inline(always)]
+fn load_row<Q: Quad, const D: usize>(nodes: &[f32x4], old: &[f32], first: usize) -> (Q, Q) {
+    let four = (&nodes[first..first + 4]).try_into().expect("four nodes");
+    let nodes = Q::load(four);
+    if old.is_empty() {
+        (nodes, Q::zero())
+    } else if D == 2 {
+        let old = (&old[first..first + 4]).try_into().expect("four numbers");
+        (nodes.with_last_numbers(old), Q::zero())
+    } else {
+        let old = &old[4 * first..4 * first + 16];
+        (
+            nodes,
+            Q::of_numbers(old.try_into().expect("sixteen numbers")),
+        )
     }
 }
 

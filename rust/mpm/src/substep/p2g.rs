@@ -6,7 +6,7 @@
 use wide::f32x4;
 
 use crate::force::FrameForce;
-use crate::grid::{CHUNK, FieldWindow, Layout, Stencils, Window};
+use crate::grid::{CHUNK, FieldWindow, Layout, RowPlace, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide, shear_index};
 use crate::material::{Constitutive, State};
 use crate::particles::Block;
@@ -176,20 +176,32 @@ impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_, D> {
 impl<const D: usize> OwnNodes<'_, '_, '_, '_, D> {
     #[inline(always)]
     fn add(&mut self, start: usize, sums: &[[RowSums; 3]; 3], layout: &Layout<D>) {
+        let (grid, own) = (&mut self.grid, &mut *self.own);
         for a in 0..3 {
             for b in 0..if D == 3 { 3 } else { 1 } {
                 let begin = start + layout.stencil_row([a, b]);
-                let places = self.own.fields.places(self.first + begin, self.own.field);
                 let of_row = &sums[a][b];
-                for step in 0..3 {
-                    if let Some(place) = places[step] {
-                        self.own.fields.nodes[place] += of_row.nodes[step];
-                        of_row.add_old::<D>(step, place, self.own.fields.old);
-                    } else {
-                        let node = begin + step;
-                        self.grid.nodes[node] += of_row.nodes[step];
-                        of_row.add_old::<D>(step, node, self.grid.old);
-                        self.grid.dirty[node / CHUNK] = true;
+                match own.fields.row(self.first + begin, own.field) {
+                    RowPlace::Grid => {
+                        of_row.add::<D>(begin, grid.nodes, grid.old);
+                        grid.dirty[begin / CHUNK] = true;
+                        grid.dirty[(begin + 2) / CHUNK] = true;
+                    }
+                    RowPlace::Slot(node) => {
+                        of_row.add::<D>(node, own.fields.nodes, own.fields.old);
+                    }
+                    RowPlace::Parts(nodes) => {
+                        for step in 0..3 {
+                            if let Some(node) = nodes[step] {
+                                own.fields.nodes[node] += of_row.nodes[step];
+                                of_row.add_old::<D>(step, node, own.fields.old);
+                            } else {
+                                let node = begin + step;
+                                grid.nodes[node] += of_row.nodes[step];
+                                of_row.add_old::<D>(step, node, grid.old);
+                                grid.dirty[node / CHUNK] = true;
+                            }
+                        }
                     }
                 }
             }
@@ -240,6 +252,20 @@ struct RowSums {
 }
 
 impl RowSums {
+    /// Adds those of nodes side by side to nodes, from one on, and to their momenta before forces.
+    #[inline(always)]
+    fn add<const D: usize>(&self, first: usize, nodes: &mut [f32x4], old: &mut [f32]) {
+        let row: &mut [f32x4; 3] = (&mut nodes[first..first + 3])
+            .try_into()
+            .expect("three nodes");
+        for step in 0..3 {
+            row[step] += self.nodes[step];
+        }
+        for step in 0..3 {
+            self.add_old::<D>(step, first + step, old);
+        }
+    }
+
     /// Adds the momentum before forces of a node of the row to those of many nodes, where these have some.
     #[inline(always)]
     fn add_old<const D: usize>(&self, step: usize, place: usize, old: &mut [f32]) {
@@ -537,7 +563,7 @@ fn scatter_friction<const D: usize, S: State>(
         }),
         Some(own) => for_each_row_of(blocks, &layout, |block, i, begin, of_row, along| {
             let share = share(block, i, of_row);
-            let places = own.fields.places(begin, own.field);
+            let places = own.fields.row(begin, own.field).each();
             for step in 0..3 {
                 let sum = match places[step] {
                     Some(place) => &mut own.fields.friction_mass[place],
@@ -556,7 +582,7 @@ fn scatter_volume<const D: usize, S: State>(
     own: &mut Own<'_, '_, D>,
 ) {
     for_each_row_of(blocks, layout, |block, i, begin, of_row, along| {
-        let places = own.fields.places(begin, own.field);
+        let places = own.fields.row(begin, own.field).each();
         for (place, along) in places.iter().zip(along) {
             if let Some(place) = place {
                 own.fields.volume[*place] += of_row * block.volume[i] * along;

@@ -284,9 +284,11 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         &self,
         slab: usize,
         window: &mut Window<'_, D>,
-        mut fields: Option<&mut FieldWindow<'_, D>>,
+        fields: Option<&mut FieldWindow<'_, D>>,
         step: P2gStep<'_, D>,
     ) {
+        // Most slabs have no slots, and are quicker without.
+        let mut fields = fields.filter(|fields| !fields.slots.is_empty());
         for blocks in [&**self.awake(slab), self.border(slab)] {
             let own = fields.as_deref_mut().map(|fields| Own {
                 fields,
@@ -315,6 +317,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         let range = cut(part)..cut(part + 1);
         let blocks = &mut awake[range];
         let (material, friction) = (self.material, self.wall_friction);
+        let fields = fields.filter(|fields| !fields.nodes.is_empty());
         let own = fields.map(|fields| OwnView {
             fields,
             field: self.field,
