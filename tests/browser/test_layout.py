@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import ViewportSize
 
-from .conftest import LIVE, Open, Visit
+from .conftest import Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -37,7 +37,7 @@ def _in_sight(visit: Visit, selector: str) -> float:
 
 
 def test_the_fluid_stays_in_sight_while_cards_pass(open_page: Open) -> None:
-    visit = open_page(until=LIVE)
+    visit = open_page(paused_at=1)
     viewer = open_page(f"renderer=canvas2d&watch={visit.session}", until="body.state === 'live'")
     first = "section.card:has(#scene-title)"
     for size in SIZES:

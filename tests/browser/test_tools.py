@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Route, ViewportSize, expect
 
-from .conftest import LIVE, LiveService, Open, Visit, collect
+from .conftest import LiveService, Open, Visit, collect
 
 pytestmark = pytest.mark.browser
 
@@ -137,7 +137,7 @@ def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> No
 
 @pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
 def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
-    visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1", until=LIVE)
+    visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1", paused_at=1)
     for size, side in zip((*SIZES, ON_ITS_SIDE), (770, 510, 550, 390, 340), strict=True):
         visit.page.set_viewport_size(size)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]

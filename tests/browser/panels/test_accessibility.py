@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -35,8 +35,7 @@ def violations(visit: Visit) -> list[str]:
     ],
 )
 def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, scheme: str) -> None:
-    visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844}, until=LIVE)
-    visit.press_until("Space", "body.playing === 'false'")
+    visit = open_page(f"{SCENE}&theme={scheme}", viewport={"width": width, "height": 844}, paused_at=1)
     assert violations(visit) == []
     visit.page.get_by_role("button", name="Find a method").click()
     expect(visit.page.locator("#plan-answer")).to_be_visible()

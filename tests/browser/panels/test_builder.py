@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from playwright.sync_api import Locator, expect
-from tests.browser.conftest import LIVE, LiveService, Open, Visit
+from tests.browser.conftest import LiveService, Open, Visit
 
 from hybridmpm import MeshObstacle, Scene
 
@@ -20,8 +20,8 @@ Point = tuple[float, float]
 
 def _builder(open_page: Open, width: int = 1100) -> Visit:
     """Open the page and the dialog, with an empty box in it."""
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
-    visit.wait_for(LIVE)
+    size = {"width": width, "height": 844}
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport=size, paused_at=1)
     visit.page.get_by_role("button", name="Build").click()
     # It begins with the scene that is shown.
     expect(_things(visit)).to_have_count(2)

@@ -19,8 +19,7 @@ SCENE = "renderer=canvas2d&scenario=water_2d&seed=3"
 
 def _planner(open_page: Open, **options: Any) -> Visit:
     """Open a page, paused, with the dialog."""
-    visit = open_page(SCENE, **options, until=LIVE)
-    visit.press_until("Space", "body.playing === 'false'")
+    visit = open_page(SCENE, **options, paused_at=1)
     visit.page.get_by_role("button", name="Find a method").click()
     expect(visit.page.locator("#plan-answer")).to_be_visible()
     return visit
@@ -107,8 +106,7 @@ def test_a_scene_runs_and_has_a_picture(name: str) -> None:
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
-    visit.wait_for(LIVE)
+    visit = open_page(SCENE, viewport={"width": width, "height": 844}, paused_at=1)
     first = visit.session
     visit.page.get_by_role("button", name="Gallery").click()
     items = visit.page.locator("#gallery-list button, #gallery-lessons button")
@@ -138,7 +136,7 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
 
 
 def test_a_demonstration_draws_its_sketch(open_page: Open, service: LiveService) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", until=LIVE)
+    visit = open_page(SCENE, paused_at=1)
     visit.page.get_by_role("button", name="Gallery").click()
     expect(visit.page.locator("#gallery-demos img")).to_have_count(8)
     visit.page.wait_for_function(
