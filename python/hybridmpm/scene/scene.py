@@ -27,7 +27,7 @@ from hybridmpm.scene.walls import Walls
 from hybridmpm.scene.world import World, cells_of, grid_faults, outside
 
 DEFAULT_MAX_PARTICLES = 200_000
-ADVISED_LOSS = 500.0
+ADVISED_LOSS = 100.0
 """Value of `transfer_loss` at which openings pass what they should from two cells on, at 128 cells/m [1/s].
 
 Elsewhere it is in proportion to the resolution.
@@ -109,7 +109,7 @@ class Scene(Record):
     transfer_loss: Annotated[float, Range(0, 1e6, "1/s")] | None = Field(
         None,
         description="Rate at which particles lose what the grid does not carry of their velocities [1/s], "
-        "such as 500 at 128 cells/m and 250 at 64; if absent they lose it in each substep (APIC).",
+        "such as 100 at 128 cells/m and 50 at 64; if absent they lose it in each substep (APIC).",
     )
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = Field(
         (), description="Solids in the way of the material."
