@@ -76,26 +76,13 @@ pub fn g2p<const D: usize, M: Constitutive<D>>(
     time: Time,
 ) -> Outcome {
     let Nodes { grid, own } = nodes;
-    let Solids {
-        bounds,
-        obstacles,
-        are_new,
-    } = solids;
-    if are_new && obstacles.any() {
-        for block in &mut *blocks {
-            let stencils = Stencils::at(&block.x, &grid.layout);
-            let mut starts = stencils.start[..block.count].iter();
-            block.near_solid = starts.any(|start| obstacles.near_until_sort(*start as usize));
-        }
-    }
     let blocks = GatherBlocks::<D, M, false> {
         blocks,
         material,
         friction,
         grid,
         own,
-        bounds,
-        obstacles,
+        solids,
         reactions,
         time,
     };
@@ -122,8 +109,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>, const KEEPS: bool> {
     friction: f32,
     grid: View<'a, D>,
     own: Option<OwnView<'a, D>>,
-    bounds: &'a Bounds<D>,
-    obstacles: &'a Obstacles<D>,
+    solids: Solids<'a, D>,
     reactions: &'a mut Reactions<D>,
     time: Time,
 }
@@ -136,8 +122,7 @@ impl<'a, const D: usize, M: Constitutive<D>> GatherBlocks<'a, D, M, false> {
             friction,
             grid,
             own,
-            bounds,
-            obstacles,
+            solids,
             reactions,
             time,
         } = self;
@@ -147,8 +132,7 @@ impl<'a, const D: usize, M: Constitutive<D>> GatherBlocks<'a, D, M, false> {
             friction,
             grid,
             own,
-            bounds,
-            obstacles,
+            solids,
             reactions,
             time,
         }
@@ -183,13 +167,16 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
             material,
             grid,
             own,
-            bounds,
-            obstacles,
+            solids,
             reactions,
             time,
             friction,
             ..
         } = self;
+        let Solids {
+            bounds, obstacles, ..
+        } = solids;
+        let finds_solids = solids.are_new && obstacles.any();
         let mut max_speed_squared = f32x4::ZERO;
         let mut sound = true;
         let (mut obstacle_work, mut longest_push) = (0.0, 0.0f32);
@@ -198,6 +185,10 @@ impl<const D: usize, M: Constitutive<D>, const KEEPS: bool> Kernel
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
             let count = block.count.min(LANES);
+            if finds_solids {
+                let mut starts = stencils.start[..count].iter();
+                block.near_solid = starts.any(|start| obstacles.near_until_sort(*start as usize));
+            }
             let own = own.filter(|own| {
                 let mut starts = stencils.start[..count].iter();
                 starts.any(|&start| own.fields.near(start as usize))
@@ -288,16 +279,8 @@ pub fn gather<Q: Quad, const D: usize, const KEEPS: bool>(
     }
     for i in 0..count {
         let start = stencils.start[i] as usize - grid.first;
-        sums.0[i] = sum_up::<Q, D>(stencils, i, |a, b| {
-            let nodes = &rows[a][b][start..start + 4];
-            let nodes = Q::load(nodes.try_into().expect("four nodes"));
-            if KEEPS && D == 2 {
-                let old = &old[a][b][start..start + 4];
-                nodes.with_last_numbers(old.try_into().expect("four numbers"))
-            } else {
-                nodes
-            }
-        });
+        let row = |a: usize, b: usize| load_row::<Q, D>(rows[a][b], old[a][b], start).0;
+        sums.0[i] = sum_up::<Q, D>(stencils, i, row);
     }
     sums
 }
