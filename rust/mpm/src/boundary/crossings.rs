@@ -226,7 +226,7 @@ impl<const D: usize, const N: usize> Kernel for Candidates<'_, D, N> {
     #[inline(always)]
     fn run<Q: Quad>(self) -> Self::Output {
         let mut crossings = [[Crossings::NONE; 2]; D];
-        let (distance, normal) = self.obstacle.distances(self.pose, &self.x);
+        let (distance, normal) = self.obstacle.measure(self.pose, &self.x);
         let (mut left, mut near) = ([0.0; N], [false; N]);
         for i in 0..N {
             left[i] = distance[i] / self.dx;
@@ -251,7 +251,7 @@ impl<const D: usize, const N: usize> Kernel for Near<'_, D, N> {
 
     #[inline(always)]
     fn run<Q: Quad>(self) -> Self::Output {
-        let (distance, _) = self.0.obstacle.distances(self.0.pose, &self.0.x);
+        let (distance, _) = self.0.obstacle.measure(self.0.pose, &self.0.x);
         distance.map(|distance| self.0.begins(distance))
     }
 }
@@ -314,7 +314,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
         normal: &[[f32; N]; D],
     ) -> [bool; N] {
         let inside = self.places(axis, inward, &t.map(|t| t + inset));
-        let (depth, deep) = self.obstacle.distances(self.pose, &inside);
+        let (depth, deep) = self.obstacle.measure(self.pose, &inside);
         // A line of an obstacle on the edge itself, up to rounding, is at it.
         let most = if self.is_body {
             0.0
@@ -358,7 +358,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
                 break;
             }
             let places = self.places(axis, inward, &t);
-            let (distance, at) = self.obstacle.distances(self.pose, &places);
+            let (distance, at) = self.obstacle.measure(self.pose, &places);
             for i in 0..N {
                 left[i] = if goes_on[i] {
                     distance[i] / self.dx
@@ -384,7 +384,7 @@ impl<'a, const D: usize, const N: usize> Candidates<'a, D, N> {
         if any(&far) {
             // On the next node, up to rounding, where that does not begin the line itself.
             let next = self.next(axis, inward);
-            let (distance, _) = self.obstacle.distances(self.pose, &next);
+            let (distance, _) = self.obstacle.measure(self.pose, &next);
             for i in 0..N {
                 found[i] &= !(far[i] & (distance[i] > 0.0));
             }

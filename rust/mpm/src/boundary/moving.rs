@@ -7,6 +7,7 @@ use super::obstacle::Obstacle;
 use super::solids::Solids;
 use crate::grid::Layout;
 use crate::linalg::Vector;
+use std::ops::Range;
 use threads::interrupted;
 
 /// How far solids may move before the nodes that they can touch are looked for anew: a search costs less than to test more nodes in
@@ -112,14 +113,19 @@ impl<const D: usize> Movement<D> {
         near.copy_from_slice(&self.near_resting);
         let layout = &solids.layout;
         let most_moved = (MARGIN_CELLS + 2.0 * ROUNDING_CELLS) * layout.dx();
+        let reach = most_moved + reach_until_sort(layout);
+        let moving = (0..solids.list.len()).filter(|index| solids.pose(*index).is_some());
+        let moving: Vec<_> = moving
+            .map(|index| (index, solids.nodes_within(index, reach)))
+            .collect();
         self.nodes.clear();
         self.deep.clear();
         for row in 0..layout.row_count() {
-            let list = if interrupted() { &[] } else { &solids.list[..] };
-            for (index, obstacle) in list.iter().enumerate() {
-                if let Some(pose) = solids.pose(index)
-                    && !is_far(solids, index, row)
-                {
+            let moving = if interrupted() { &[] } else { &moving[..] };
+            let place = layout.row_coordinates(row);
+            for (index, within) in moving {
+                let (index, obstacle) = (*index, &solids.list[*index]);
+                if (0..D - 1).all(|axis| within[axis].contains(&place[axis])) {
                     let near = &mut near[row * layout.row_length..][..layout.columns()];
                     let lowest = lowest_start(obstacle, layout.dx()) - most_moved;
                     let found = |column: usize, distance: f32, _| {
@@ -135,8 +141,9 @@ impl<const D: usize> Movement<D> {
                             self.deep.nodes.push(node);
                         }
                     };
-                    let solid = (obstacle, Some(pose));
-                    search_row(solid, layout, row, MARGIN_CELLS, near, found);
+                    let solid = (obstacle, solids.pose(index));
+                    let nodes = (row, within[D - 1].clone());
+                    search_row(solid, layout, nodes, MARGIN_CELLS, near, found);
                 }
             }
             self.nodes.end_row();
@@ -145,27 +152,12 @@ impl<const D: usize> Movement<D> {
     }
 }
 
-/// Whether a rigid body, if it is one, is farther from a row than it can act.
-fn is_far<const D: usize>(solids: &Solids<D>, index: usize, row: usize) -> bool {
-    let (true, Some(pose)) = (solids.is_body(index), solids.pose(index)) else {
-        return false;
-    };
-    let layout = &solids.layout;
-    let place = layout.position(layout.row_coordinates(row));
-    let away = place - pose.center();
-    let beside: f32 = (0..D - 1).map(|axis| away[axis] * away[axis]).sum();
-    let most = solids.reaches[index - solids.first_body]
-        + stencil_reach(layout)
-        + (MARGIN_CELLS + 1.0) * layout.dx();
-    beside > most * most
-}
-
-/// Walks along a row, in strides as long as the distance allows. Calls back with the column, the distance and the normal of
-/// nodes on which the solid may act until it has moved by a margin [cells].
+/// Walks along columns of a row, in strides as long as the distance allows. Calls back with the column, the distance and the
+/// normal of nodes on which the solid may act until it has moved by a margin [cells].
 pub(super) fn search_row<const D: usize>(
     (obstacle, pose): (&Obstacle<D>, Option<&Pose<D>>),
     layout: &Layout<D>,
-    row: usize,
+    (row, columns): (usize, Range<usize>),
     margin: f32,
     near: &mut [Nearness],
     mut found: impl FnMut(usize, f32, Vector<D>),
@@ -175,13 +167,13 @@ pub(super) fn search_row<const D: usize>(
     let (now, until_sort) = (stencil_reach(layout), reach_until_sort(layout));
     let inner = -BAND_CELLS * dx - margin;
     let mut node = layout.row_coordinates(row);
-    let mut column = 0;
-    while column < layout.columns() {
+    let mut column = columns.start;
+    while column < columns.end {
         node[D - 1] = column;
         let (distance, normal) = obstacle.distance_in(pose, &layout.position(node));
         // A distance changes by at most dx from one node to the next.
         let to_surface = (distance - margin - until_sort).max(inner - distance);
-        let stride = ((to_surface / dx) as usize).clamp(1, layout.columns() - column);
+        let stride = ((to_surface / dx) as usize).clamp(1, columns.end - column);
         let nearness = match distance - margin {
             distance if distance < now => Nearness::Now,
             distance if distance < until_sort => Nearness::UntilSort,

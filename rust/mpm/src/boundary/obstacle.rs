@@ -5,7 +5,7 @@ use super::contact::{Contact, ContactKind, Walls};
 use super::motion::{Motion, Pose};
 use super::shape::{Distances, Shape, farthest_corner, one, the_one};
 use crate::error::MpmError;
-use crate::linalg::Vector;
+use crate::linalg::{Kernel, Quad, Vector, run_wide};
 use serde::{Deserialize, Serialize};
 
 /// Distances that contact needs, inside and outside, of surfaces at rest and of moving ones [cells].
@@ -125,6 +125,16 @@ impl<const D: usize> Obstacle<D> {
         (distances, pose.turn_all(&normals))
     }
 
+    /// The same, compiled once: at each place that asks, the code for all shapes would fill the cache of instructions.
+    pub(super) fn measure<const N: usize>(
+        &self,
+        pose: Option<&Pose<D>>,
+        x: &[[f32; N]; D],
+    ) -> Distances<D, N> {
+        let obstacle = self;
+        run_wide(Measure { obstacle, pose, x })
+    }
+
     /// Whether points may lie inside; see `Shape::may_contain`.
     #[inline(always)]
     pub(super) fn may_contain<const N: usize>(
@@ -154,6 +164,25 @@ impl<const D: usize> Obstacle<D> {
         (found.0 < 0.0).then_some(found)
     }
 
+    /// Lowest and highest corner of a box around the solid in the world [m]; infinite of one that reaches to infinity.
+    pub(super) fn bounds_in(&self, pose: Option<&Pose<D>>) -> [Vector<D>; 2] {
+        let [lower, upper] = self.shape.bounds();
+        let Some(pose) = pose else {
+            return [lower, upper];
+        };
+        let half = (upper - lower) * 0.5;
+        if half.iter().any(|half| !half.is_finite()) {
+            return [f32::NEG_INFINITY, f32::INFINITY].map(Vector::repeat);
+        }
+        let middle = pose.apply(&(lower + half));
+        let sides = (0..D).map(|axis| {
+            let side = Vector::from_fn(|other, _| if other == axis { half[axis] } else { 0.0 });
+            pose.turn(&side).abs()
+        });
+        let reach: Vector<D> = sides.sum();
+        [middle - reach, middle + reach]
+    }
+
     /// Bound on the speed of those points of the solid that can touch material [m/s], in a world up to this corner.
     pub(super) fn speed(&self, pose: &Pose<D>, corner: &Vector<D>) -> f32 {
         let Some(motion) = self.motion else {
@@ -161,6 +190,22 @@ impl<const D: usize> Obstacle<D> {
         };
         let everywhere = farthest_corner(&Vector::zeros(), corner, &pose.center());
         motion.speed(self.shape.reach(&motion.center()).min(everywhere))
+    }
+}
+
+/// See `Obstacle::measure`.
+struct Measure<'a, const D: usize, const N: usize> {
+    obstacle: &'a Obstacle<D>,
+    pose: Option<&'a Pose<D>>,
+    x: &'a [[f32; N]; D],
+}
+
+impl<const D: usize, const N: usize> Kernel for Measure<'_, D, N> {
+    type Output = Distances<D, N>;
+
+    #[inline(always)]
+    fn run<Q: Quad>(self) -> Self::Output {
+        self.obstacle.distances(self.pose, self.x)
     }
 }
 

@@ -138,8 +138,12 @@ impl<const D: usize> Obstacles<D> {
             near.find(solids, elastic, &axes, &mut found.lines);
         };
         for span in window.active_in(planes) {
+            let reachable = movement.nodes.row(span.row);
+            if reachable.is_empty() {
+                continue;
+            }
             let mut place = layout.row_coordinates(span.row);
-            for reachable in movement.nodes.row(span.row) {
+            for reachable in reachable {
                 let (column, index) = (reachable.column as usize, reachable.obstacle as usize);
                 let distance = reachable.distance;
                 let lowest = lowest_start(&solids.list[index], dx);
@@ -212,6 +216,11 @@ impl<const D: usize> Obstacles<D> {
         reactions: &mut Reactions<D>,
     ) -> f64 {
         let (solids, layout) = (&self.solids, &self.solids.layout);
+        let (resting, movement) = (self.deep.row(span.row), self.movement.as_ref());
+        let moving = movement.map_or(&[][..], |movement| movement.deep.row(span.row));
+        if resting.is_empty() && moving.is_empty() {
+            return 0.0;
+        }
         let mut place = layout.row_coordinates(span.row);
         let mut work = 0.0;
         // A normal that is not known yet is that of where a moving solid is now.
@@ -242,14 +251,13 @@ impl<const D: usize> Obstacles<D> {
                 work += f64::from(impulse.dot(&solids.velocity(index, &x)));
             }
         };
-        for node in self.deep.row(span.row) {
+        for node in resting {
             act(node.column, node.obstacle, Some(node.normal));
         }
-        if let Some(movement) = &self.movement {
-            for node in movement.deep.row(span.row) {
-                if acts_at(node.distance, movement.moved, layout) {
-                    act(node.column, node.obstacle, None);
-                }
+        let moved = movement.map_or(0.0, |movement| movement.moved);
+        for node in moving {
+            if acts_at(node.distance, moved, layout) {
+                act(node.column, node.obstacle, None);
             }
         }
         work

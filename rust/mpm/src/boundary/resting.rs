@@ -5,9 +5,7 @@ use super::lines::lowest_start;
 use super::moving::search_row;
 use super::node::{Nearness, acts_at, reach_until_sort};
 use super::obstacles::{DeepNode, Obstacles};
-use crate::grid::PADDING;
 use crate::linalg::Vector;
-use std::ops::Range;
 use threads::interrupted;
 
 impl<const D: usize> Obstacles<D> {
@@ -20,7 +18,9 @@ impl<const D: usize> Obstacles<D> {
             if solids.moves(index) {
                 continue;
             }
-            let [planes, rows] = self.planes_and_rows(index);
+            let within = solids.nodes_within(index, reach_until_sort(layout));
+            let (planes, columns) = (within[0].clone(), &within[D - 1]);
+            let rows = if D == 3 { within[1].clone() } else { 0..1 };
             for row in planes.flat_map(|plane| rows.clone().map(move |row| (plane, row))) {
                 if interrupted() {
                     break 'all;
@@ -45,7 +45,8 @@ impl<const D: usize> Obstacles<D> {
                         batch.add(index, (node, row * layout.row_length + column), layout);
                     }
                 };
-                search_row((obstacle, None), layout, row, 0.0, near, found);
+                let nodes = (row, columns.clone());
+                search_row((obstacle, None), layout, nodes, 0.0, near, found);
             }
         }
         batch.find(solids, true, |_| 0..D, &mut self.lines);
@@ -61,24 +62,6 @@ impl<const D: usize> Obstacles<D> {
             }
             self.deep.end_row();
         }
-    }
-
-    /// The planes, and the rows of each, in which what an obstacle may touch before the next sort can lie.
-    fn planes_and_rows(&self, index: usize) -> [Range<usize>; 2] {
-        let layout = &self.solids.layout;
-        let [lower, upper] = self.solids.list[index].shape.bounds();
-        let reach = reach_until_sort(layout);
-        let nodes = |axis: usize| {
-            // Solids may reach to infinity.
-            let farthest = layout.upper()[axis] + 1.0;
-            let resolution = layout.resolution as f32;
-            let cells = |x: f32| x.clamp(-1.0, farthest) * resolution + PADDING as f32;
-            let (lo, hi) = (cells(lower[axis] - reach), cells(upper[axis] + reach));
-            // Conversion saturates at zero.
-            let node = |cell: f32| (cell as usize).min(layout.extents[axis]);
-            node(lo.floor())..node(hi.ceil() + 1.0)
-        };
-        [nodes(0), if D == 3 { nodes(1) } else { 0..1 }]
     }
 }
 

@@ -5,8 +5,9 @@ use super::contact::Walls;
 use super::motion::Pose;
 use super::obstacle::Obstacle;
 use super::shape::Shape;
-use crate::grid::Layout;
+use crate::grid::{Layout, PADDING};
 use crate::linalg::Vector;
+use std::ops::Range;
 
 #[derive(Debug, Clone)]
 pub struct Solids<const D: usize> {
@@ -114,6 +115,22 @@ impl<const D: usize> Solids<D> {
             })
     }
 
+    /// Nodes along each axis, among which are all that are nearer to one than `reach` [m].
+    pub fn nodes_within(&self, index: usize, reach: f32) -> [Range<usize>; D] {
+        let layout = &self.layout;
+        let [lower, upper] = self.list[index].bounds_in(self.pose(index));
+        std::array::from_fn(|axis| {
+            // Solids may reach to infinity.
+            let farthest = layout.upper()[axis] + 1.0;
+            let resolution = layout.resolution as f32;
+            let cells = |x: f32| x.clamp(-1.0, farthest) * resolution + PADDING as f32;
+            let (lo, hi) = (cells(lower[axis] - reach), cells(upper[axis] + reach));
+            // Conversion saturates at zero.
+            let node = |cell: f32| (cell as usize).min(layout.extents[axis]);
+            node(lo.floor())..node(hi.ceil() + 1.0)
+        })
+    }
+
     /// Signed distance of a point from one [m], and unit normal.
     pub fn distance(&self, index: usize, x: &Vector<D>) -> (f32, Vector<D>) {
         self.list[index].distance_in(self.pose(index), x)
@@ -134,5 +151,40 @@ impl<const D: usize> Solids<D> {
     ) -> Vector<D> {
         let (contact, surface) = (&self.list[index].contact, self.velocity(index, x));
         contact.resolve(&(v - surface), normal, friction) + surface
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::boundary::{Contact, ContactKind, Motion};
+
+    const CONTACT: Contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
+
+    #[test]
+    fn all_nodes_near_to_what_has_turned_are_within_its_ranges() {
+        let (layout, reach) = (Layout::<2>::unit(32), 0.11);
+        let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), CONTACT);
+        let (lower, upper) = (Vector::<2>::new(0.4, 0.2), Vector::<2>::new(0.45, 0.8));
+        let (point, normal) = (upper, Vector::<2>::new(0.6, 0.8));
+        for (shape, widest) in [
+            (Shape::Box { lower, upper }, 26),
+            (Shape::HalfSpace { point, normal }, layout.extents[0]),
+        ] {
+            let motion = Motion::new(Vector::zeros(), &[1.0], lower, None).unwrap();
+            let obstacle = Obstacle::new(shape, CONTACT).unwrap().moving(motion);
+            let mut solids = Solids::new(vec![obstacle], [].into_iter(), &walls, &layout);
+            solids.poses[0] = Some(motion.pose(0.6));
+            let within = solids.nodes_within(0, reach);
+            let near = |node: [usize; 2]| solids.distance(0, &layout.position(node)).0 < reach;
+            let nodes = (0..layout.extents[0].pow(2)).map(|k| [k % 41, k / 41]);
+            for node in nodes.filter(|node| near(*node)) {
+                assert!((0..2).all(|axis| within[axis].contains(&node[axis])));
+            }
+            assert!(within[0].len() <= widest, "{within:?}");
+        }
     }
 }
