@@ -167,12 +167,13 @@ mod tests {
     #[test]
     fn all_nodes_near_to_what_has_turned_are_within_its_ranges() {
         let (layout, reach) = (Layout::<2>::unit(32), 0.11);
+        let side = layout.extents[0];
         let walls = Walls::uniform(Vector::zeros(), Vector::repeat(1.0), CONTACT);
         let (lower, upper) = (Vector::<2>::new(0.4, 0.2), Vector::<2>::new(0.45, 0.8));
         let (point, normal) = (upper, Vector::<2>::new(0.6, 0.8));
         for (shape, widest) in [
             (Shape::Box { lower, upper }, 26),
-            (Shape::HalfSpace { point, normal }, layout.extents[0]),
+            (Shape::HalfSpace { point, normal }, side),
         ] {
             let motion = Motion::new(Vector::zeros(), &[1.0], lower, None).unwrap();
             let obstacle = Obstacle::new(shape, CONTACT).unwrap().moving(motion);
@@ -180,7 +181,7 @@ mod tests {
             solids.poses[0] = Some(motion.pose(0.6));
             let within = solids.nodes_within(0, reach);
             let near = |node: [usize; 2]| solids.distance(0, &layout.position(node)).0 < reach;
-            let nodes = (0..layout.extents[0].pow(2)).map(|k| [k % 41, k / 41]);
+            let nodes = (0..side * side).map(|k| [k % side, k / side]);
             for node in nodes.filter(|node| near(*node)) {
                 assert!((0..2).all(|axis| within[axis].contains(&node[axis])));
             }
