@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import io
 import json
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,6 +13,8 @@ import numpy as np
 from hybridmpm.errors import SnapshotError
 
 _CHECKSUM = hashlib.sha256().digest_size
+READING = threading.Lock()
+"""Held while NumPy reads arrays: it parses headers, and Python before 3.11.8 fails if two threads parse."""
 
 
 def to_bytes(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
@@ -80,7 +83,7 @@ def from_bytes(magic: bytes, version: int, data: bytes) -> dict[str, Any]:
     body, checksum = data[:-_CHECKSUM], data[-_CHECKSUM:]
     if hashlib.sha256(body).digest() != checksum:
         raise SnapshotError("the snapshot is damaged or cut off: its checksum does not match")
-    with np.load(io.BytesIO(body[len(magic) :]), allow_pickle=False) as arrays:
+    with READING, np.load(io.BytesIO(body[len(magic) :]), allow_pickle=False) as arrays:
         header = json.loads(arrays["header"].tobytes())
         if header["version"] != version:
             raise SnapshotError(

@@ -8,6 +8,8 @@ import httpx
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.packing import READING
+
 
 @dataclass(frozen=True, eq=False)
 class Particles:
@@ -65,5 +67,5 @@ class Trajectory:
 
 
 def _arrays(answer: httpx.Response) -> dict[str, Any]:
-    with np.load(io.BytesIO(answer.content), allow_pickle=False) as file:
+    with READING, np.load(io.BytesIO(answer.content), allow_pickle=False) as file:
         return {name: file[name] for name in file.files}

@@ -1,7 +1,9 @@
 """All simulators share one surface, and a state that is saved goes on to the same bits."""
 
 import inspect
+import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,18 @@ from hybridmpm.physics.free_fall import FreeFall
 Make = Callable[[], Simulator]
 FRAMES = (0, 3, 21, 26, 38, 61)
 """At the start, within warm-up, at the first step of a network, amid one, after the impact, much later."""
+
+
+def test_threads_read_snapshots_at_once() -> None:
+    data = to_bytes(b"kind", 1, {str(k): np.zeros(2) for k in range(7)})
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            read = list(pool.map(lambda _: from_bytes(b"kind", 1, data), range(400)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert {len(tree) for tree in read} == {7}
 
 
 def assert_same(one: Simulator, other: Simulator) -> None:
