@@ -11,6 +11,8 @@ from hybridmpm.scene.fields import Points
 
 FAST = 0.5
 """Warn from this impact speed on [sound speeds]: water then loses half of its volume."""
+FAILS = 4.0
+"""Warn that frames may fail from this impact speed of an elastic body on [sound speeds]."""
 _CLOSE = 1e-6
 """Distance below which a body lies on the floor [m]."""
 
@@ -23,7 +25,8 @@ def of_speed(scene: Scene) -> Iterator[Finding]:
         if speed < FAST * sound:
             continue
         loss = expected_compression(material, speed / sound)
-        torn = ", and may tear it" if material.kind == "elastic" and speed > sound else ""
+        failed = " or end in an error" if speed >= FAILS * sound else ""
+        torn = f", and may tear it{failed}" if material.kind == "elastic" and speed > sound else ""
         yield Finding(
             severity="warning",
             field=scene.made_of(material),

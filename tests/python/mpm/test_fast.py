@@ -122,6 +122,8 @@ def test_a_torn_body_is_reported_once() -> None:
     ):
         solver.advance(64)
     assert solver.torn_bodies()[0] < 0.99
+    told = [findings(thrown(Elastic(youngs_modulus=1e4), speed))[0].problem for speed in (9.0, 30.0)]
+    assert ["tear it or end in an error" in one for one in told] == [False, True]
     slow = MpmSolver(thrown(Elastic(), 5.0))
     slow.advance(64)
     assert slow.torn_bodies() == {}
