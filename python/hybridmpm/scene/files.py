@@ -27,6 +27,8 @@ _FEW_POINTS = 512
 """Points of all outlines beyond which they are made simpler."""
 _AREA, _STRIPS = 0.003, 500
 """Most that simpler outlines change an area [-], and strips by which it is measured."""
+_MOST_LINES = MOST_CORNERS // 5
+"""Lines for which a polygon has room: each has three corners, and a way there and back."""
 _PLACED = {"file", "center", "height"}
 
 
@@ -65,10 +67,11 @@ def shape_in(path: str | Path, center: Sequence[float], height: float) -> dict[s
     return {"shape": "polygon", "vertices": corners_around(lines)}
 
 
-def resolved(data: Any, folder: Path) -> Any:
+def resolved(data: Any, folder: Path) -> Any:  # noqa: C901 - one fault after another
     """Return the plain data of a scene with shapes in the place of files, which lie beside it in a folder.
 
     A body or an obstacle may have `file`, `center` and `height`, as of `shape_in`, in the place of its shape.
+    A rigid body is the hull of the shape.
 
     Raises
     ------
@@ -78,7 +81,7 @@ def resolved(data: Any, folder: Path) -> Any:
     if not isinstance(data, dict):
         return data
     found, faults = dict(data), []
-    for group in ("bodies", "obstacles"):
+    for group in ("bodies", "obstacles", "rigid"):
         parts = data.get(group)
         if not isinstance(parts, list):
             continue
@@ -100,6 +103,8 @@ def resolved(data: Any, folder: Path) -> Any:
                 faults.append((f"{where}.file", str(error)))
                 continue
             rest = {name: value for name, value in part.items() if name not in _PLACED}
+            if group == "rigid":
+                shape = {"shape": "hull", "points": shape["vertices"]}
             found[group][index] = shape | rest
     if faults:
         raise SceneError.of(faults)
@@ -107,13 +112,13 @@ def resolved(data: Any, folder: Path) -> Any:
 
 
 def _grey(path: Path) -> npt.NDArray[np.float64]:
-    from PIL import Image  # noqa: PLC0415 - scenes without pictures do not need it
+    from PIL import Image, ImageOps  # noqa: PLC0415 - scenes without pictures do not need it
 
     try:
         with Image.open(path) as picture:
             size = picture.width * picture.height
             if size <= _MOST_PIXELS:
-                return grey_of(picture)
+                return grey_of(ImageOps.exif_transpose(picture))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise DataError(f"{path.name} cannot be read as a picture: {text}") from None
@@ -178,19 +183,44 @@ def placed(lines: Sequence[Points], center: npt.ArrayLike, height: float, fine: 
     DataError
         The area of so many points differs by more than 0.3 %.
     """
-    found = fitted(lines, center, real("height", height, 1e-6, LONGEST))
+    height = real("height", height, 1e-6, LONGEST)
+    large, lost = _without_specks(lines)
+    found = fitted(large, center, height)
     if sum(map(len, found)) <= _FEW_POINTS:
         return [np.ascontiguousarray(line) for line in found]
     area = _area(found)
     for most, finest in ((_FEW_POINTS, fine), (MOST_CORNERS, 16 * fine)):
         simple = _simpler(found, most, height / finest)
-        if simple and abs(_area(simple) - area) <= _AREA * area:
+        if simple and abs(_area(simple) - area) <= (_AREA - lost) * area:
             return simple
-    raise DataError(
-        f"the shape has too many details: {sum(map(len, found))} points in {len(found)} lines, and its area "
+    raise _too_fine(lines)
+
+
+def _too_fine(lines: Sequence[Points]) -> DataError:
+    return DataError(
+        f"the shape has too many details: {sum(map(len, lines))} points in {len(lines)} lines, and its area "
         f"changes by more than {100 * _AREA:g} % with the {MOST_CORNERS} that a polygon may have; leave "
         "details out, or take it in parts"
     )
+
+
+def _without_specks(lines: Sequence[Points]) -> tuple[Sequence[Points], float]:
+    """Return as many lines as a polygon has room for, the largest, and the share of area that is lost [-]."""
+    if len(lines) <= _MOST_LINES:
+        return lines, 0.0
+    start = np.concatenate(lines)
+    counts = np.array([len(line) for line in lines])
+    first = np.cumsum(counts) - counts
+    start = start - np.repeat(start[first], counts, axis=0)
+    after = np.roll(start, -1, axis=0)
+    # The last point of each line is followed by its first, from which places are counted.
+    after[first - 1] = 0.0
+    areas = np.abs(np.add.reduceat(start[:, 0] * after[:, 1] - start[:, 1] * after[:, 0], first))
+    order = np.argsort(-areas, kind="stable")
+    lost = float(areas[order[_MOST_LINES:]].sum() / max(areas.max(), 1e-300))
+    if not lost < _AREA:
+        raise _too_fine(lines)
+    return [lines[number] for number in np.sort(order[:_MOST_LINES])], lost
 
 
 def _simpler(lines: Sequence[Points], most: int, tolerance: float) -> list[Points]:

@@ -96,8 +96,10 @@ def _in_order(vertices: Points, triangles: Triangles) -> tuple[Points, Triangles
             _, first, same = np.unique(index, axis=0, return_index=True, return_inverse=True)
             near, few = near[first], same.ravel()[few]
         near, few = _joined(near, few)
-        if not meshes.open_edges(few):
-            places, corners = near, few
+        if not len(few) or meshes.open_edges(few):
+            # What is open is refused as it is; its sides would take long to find.
+            return places, corners
+        places, corners = near, few
     return places, meshes.turned_out(places, corners)
 
 

@@ -14,7 +14,7 @@ from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.fields import Points
 from hybridmpm.scene.overlaps import Part, as_seen
 
-_PIECES = 16
+_PIECES = 32
 """Straight pieces of a curve, or of a quarter of a circle."""
 _SPACE = "{http://www.w3.org/2000/svg}"
 _GROUPS = {"svg", "g", "a", "switch", "symbol"}
@@ -23,7 +23,12 @@ _ACROSS, _DOWN = {"x", "width", "cx", "rx", "x1", "x2"}, {"y", "height", "cy", "
 _LENGTHS = _ACROSS | _DOWN | {"r"}
 _WHITE = {"white", "#fff", "#ffffff", "rgb(255,255,255)", "rgb(100%,100%,100%)"}
 _TEXTS = {"d", "points", "transform"}
-_INHERITED = {"fill", "fill-rule", "stroke", "visibility"}
+_INHERITED = {"fill", "fill-opacity", "fill-rule", "stroke", "stroke-opacity", "visibility"}
+_ZERO = re.compile(r"(0+\.?0*|\.0+)%?")
+_CLEAR = re.compile(
+    rf"transparent|(rgb|hsl)a?\(([^,]*,){{3}}\s*{_ZERO.pattern}\s*\)|.*/\s*{_ZERO.pattern}\s*\)"
+)
+"""Colours that draw nothing."""
 _UNITS = {
     "": 1.0,
     "px": 1.0,
@@ -127,7 +132,8 @@ class _Drawing:
             sheet.text or "" for sheet in root.iter() if sheet.tag in {f"{_SPACE}style", "style"}
         )
         for names, style in re.findall(r"([^{}]+)\{([^{}]*)\}", re.sub(r"(?s)/\*.*?\*/", "", sheets)):
-            for name in re.findall(r"\.([\w-]+)\s*(?:,|$)", names.strip()):
+            for found in re.findall(r"(?:^|,)\s*([\w-]+|[^,]*[.#][\w-]+)\s*(?=,|$)", names.strip()):
+                name = re.sub(r".*(?=[.#])", "", found)
                 self._classes[name] = self._classes.get(name, {}) | _style(style)
 
     def plain(self) -> ET.Element:
@@ -149,7 +155,8 @@ class _Drawing:
             raise DataError(f"it has more than {_MOST_PARTS} parts, or {_DEEPEST} within each other")
         kind = element.tag.removeprefix(_SPACE)
         fields = dict(element.attrib)
-        for name in element.get("class", "").split():
+        classes = [f".{name}" for name in element.get("class", "").split()]
+        for name in (kind, *classes, f"#{element.get('id')}"):
             fields |= self._classes.get(name, {})
         fields |= _style(element.get("style", ""))
         seen = inherited | {name: fields[name] for name in _INHERITED & fields.keys()}
@@ -163,7 +170,7 @@ class _Drawing:
             yield from self._used(fields, seen, depth)
         elif kind in _GROUPS - {"symbol"}:
             yield self._group(element, fields, seen, depth)
-        elif kind in _SHAPES and _is_seen(seen):
+        elif kind in _SHAPES and _is_seen(seen := _painted(seen)):
             for shape in _shape(kind, fields):
                 # Lines that are only drawn have no fill, and so no rule.
                 rule = "evenodd" if seen["fill"] == "none" else seen.get("fill-rule", "nonzero")
@@ -198,6 +205,15 @@ class _Drawing:
         else:
             group.extend(list(self._drawn(used, seen, depth + 1)))
         yield group
+
+
+def _painted(style: dict[str, str]) -> dict[str, str]:
+    """Return a style with none in the place of paints that are transparent."""
+    found = dict(style)
+    for paint in ("fill", "stroke"):
+        if _CLEAR.fullmatch(style[paint]) or _ZERO.fullmatch(style.get(f"{paint}-opacity", "1")):
+            found[paint] = "none"
+    return found
 
 
 def _is_seen(style: dict[str, str]) -> bool:

@@ -131,6 +131,8 @@ def test_files_in_disorder_are_put_in_order(tmp_path: Path) -> None:
         (_stl(lost), r"triangle 7 of 12 has a vertex at \(.*nan\); coordinates must be finite"),
         (_stl(corners)[:400], "have 6 open edges"),
         (b"", "has no triangles: it may be damaged"),
+        (_stl(np.concatenate([corners[:1], corners[:1] + 1e5])), "must have 4 or more items"),
+        (_stl(np.random.default_rng(1).random((9000, 3, 3))), "have 27000 open edges"),
     ]:
         (tmp_path / "bad.stl").write_bytes(data)
         with pytest.raises((DataError, SceneError), match=text):
@@ -265,6 +267,11 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
         frame.format('fill="none"'): 0.08,
         f'<g fill="none" stroke="red">{bar}</g>': 0.08,
         f'<rect width="0" height="400"/>{bar}': 0.08,
+        "<style>#a, rect.b{display:none}</style>" + frame.format('id="a"'): 0.08,
+        frame.format('fill="transparent"') + frame.format('fill-opacity="0"'): 0.08,
+        frame.format('fill="rgba(0, 0, 0, 0)"') + frame.format('fill="rgb(0 0 0 / 0%)"'): 0.08,
+        f'<g fill-opacity="0"><g fill-opacity="1" fill="rgb(0,0,0)">{bar}</g></g>': 0.08,
+        '<path d="M0 0Q20 40 40 0z"/>': 2 / 3 * 0.08,
         '<defs><circle id="c" r="10"/></defs><use href="#c"/><use href="#c" x="20"/>': 2 * np.pi * 0.01,
         f'<symbol id="s" viewBox="0 0 40 20">{bar}</symbol><use href="#s" width="8" height="9"/>': 0.08,
         f'<a href="x"><switch>{bar}<circle r="90"/></switch></a>': 0.08,
@@ -353,6 +360,15 @@ def test_pictures_of_all_kinds_show_the_same_shape(tmp_path: Path) -> None:
             DataError, match="equally dark; a shape needs dark parts on a light or transparent"
         ):
             shape_in(tmp_path / "plain.png", (0.5, 0.5), 0.2)
+    turned = Image.Exif()
+    turned[0x112] = 6
+    pictures[0].save(tmp_path / "turned.png", exif=turned.tobytes())
+    low, high = Polygon(material="water", **_fields(tmp_path / "turned.png")).bounds
+    assert (high - low)[0] == pytest.approx(0.1, rel=0.01)
+    noise = np.random.default_rng(1).integers(0, 256, (900, 900), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "noise.png")
+    with pytest.raises(DataError, match=r"too many details: .* leave details out"):
+        shape_in(tmp_path / "noise.png", (0.5, 0.5), 0.2)
     Image.new("1", (2001, 2000)).save(tmp_path / "large.png")
     with pytest.raises(DataError, match=r"large\.png has 4002000 pixels, at most 4000000 are allowed; make"):
         shape_in(tmp_path / "large.png", (0.5, 0.5), 0.2)
@@ -382,12 +398,14 @@ def test_scene_files_name_files_of_shapes(tmp_path: Path) -> None:
     flat = (
         '{"dim": 2, "bodies": [{"file": "disc.svg", "center": [0.5, 0.6], "height": 0.2, "material": "sand"}]'
     )
-    bar = '"obstacles": [{"file": "bar.png", "center": [0.5, 0.3], "height": 0.1}]}'
+    bar = '"obstacles": [{"file": "bar.png", "center": [0.5, 0.3], "height": 0.1}]'
+    bar += ', "rigid": [{"file": "bar.png", "center": [0.5, 0.8], "height": 0.1, "density": 300}]}'
     (tmp_path / "flat.json").write_text(f"{flat}, {bar}")
     scene = Scene.load(tmp_path / "flat.json")
     assert scene.bodies[0].measure == pytest.approx(np.pi * 0.01, rel=0.01)
     low, high = scene.obstacles[0].bounds
     assert (high - low).tolist() == pytest.approx([0.2, 0.1], rel=0.02)
+    assert scene.rigid[0].mass == pytest.approx(6.0, rel=0.02)
     (tmp_path / "bad.json").write_text(flat.replace("disc", "none") + ', "obstacles": [{"file": "bar.png"}]}')
     with pytest.raises(SceneError) as caught:
         Scene.load(tmp_path / "bad.json")
