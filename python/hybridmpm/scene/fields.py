@@ -190,9 +190,7 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911, PLR0912 - one 
         case "tuple_type":
             return f"must be a list, got {given!r}"[:200]
         case "union_tag_not_found" if isinstance(given, dict) and "file" in given:
-            text = (
-                "files are of bodies and obstacles alone, and Scene.load reads them beside the scene's file"
-            )
+            text = "Scene.load reads files of shapes, beside the scene's file"
             return f"must name its {context['discriminator']}: {text}"
         case "union_tag_not_found":
             return f"must name its {context['discriminator']}"

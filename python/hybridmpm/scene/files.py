@@ -12,6 +12,7 @@ from hybridmpm.errors import ConfigError, DataError, SceneError
 from hybridmpm.scene.facets import MOST_CORNERS, corners_around, fitted, mesh_of, middle_of, within_worlds
 from hybridmpm.scene.fields import LONGEST, Points
 from hybridmpm.scene.lines import simplified
+from hybridmpm.scene.rigid import hull_corners
 from hybridmpm.scene.surface_files import SUFFIXES
 from hybridmpm.scene.svg import drawn_lines
 
@@ -67,7 +68,7 @@ def shape_in(path: str | Path, center: Sequence[float], height: float) -> dict[s
     return {"shape": "polygon", "vertices": corners_around(lines)}
 
 
-def resolved(data: Any, folder: Path) -> Any:  # noqa: C901 - one fault after another
+def resolved(data: Any, folder: Path) -> Any:
     """Return the plain data of a scene with shapes in the place of files, which lie beside it in a folder.
 
     A body or an obstacle may have `file`, `center` and `height`, as of `shape_in`, in the place of its shape.
@@ -87,28 +88,33 @@ def resolved(data: Any, folder: Path) -> Any:  # noqa: C901 - one fault after an
             continue
         found[group] = list(parts)
         for index, part in enumerate(parts):
-            if not isinstance(part, dict) or "file" not in part:
-                continue
-            where = f"{group}[{index}]"
-            if not isinstance(part["file"], str) or not part["file"]:
-                faults.append((f"{where}.file", f"must be the path of a file, got {part['file']!r}"))
-                continue
-            missing = sorted(_PLACED - part.keys())
-            if missing:
-                faults.append((f"{where}.{missing[0]}", "is required beside file, in metres"))
-                continue
-            try:
-                shape = shape_in(folder / str(part["file"]), part["center"], part["height"])
-            except (ConfigError, DataError, OSError) as error:
-                faults.append((f"{where}.file", str(error)))
-                continue
-            rest = {name: value for name, value in part.items() if name not in _PLACED}
-            if group == "rigid":
-                shape = {"shape": "hull", "points": shape["vertices"]}
-            found[group][index] = shape | rest
+            if isinstance(part, dict) and "file" in part:
+                try:
+                    found[group][index] = _with_shape(part, folder, is_rigid=group == "rigid")
+                except SceneError as error:
+                    faults += [(f"{group}[{index}].{field}", text) for field, text in error.problems]
     if faults:
         raise SceneError.of(faults)
     return found
+
+
+def _with_shape(part: dict[str, Any], folder: Path, *, is_rigid: bool) -> dict[str, Any]:
+    """Return a part of a scene with the shape in its file; see `resolved`."""
+    if not isinstance(part["file"], str) or not part["file"]:
+        raise SceneError.of([("file", f"must be the path of a file, got {part['file']!r}")])
+    if missing := sorted(_PLACED - part.keys()):
+        raise SceneError.of([(missing[0], "is required beside file, in metres")])
+    try:
+        shape = shape_in(folder / part["file"], part["center"], part["height"])
+    except (ConfigError, DataError, OSError) as error:
+        raise SceneError.of([("file", str(error))]) from None
+    if is_rigid:
+        corners = hull_corners(np.array(shape["vertices"]))
+        if len(corners) > MOST_CORNERS:
+            text = f"its hull has {len(corners)} corners, at most {MOST_CORNERS} are allowed: make it coarser"
+            raise SceneError.of([("file", f"{text}, or take a ball or a cylinder")])
+        shape = {"shape": "hull", "points": corners.tolist()}
+    return shape | {name: value for name, value in part.items() if name not in _PLACED}
 
 
 def _grey(path: Path) -> npt.NDArray[np.float64]:

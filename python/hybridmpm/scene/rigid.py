@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from hybridmpm import _core
+from hybridmpm.scene.facets import MOST_CORNERS
 from hybridmpm.scene.fields import (
     Fault,
     Point,
@@ -24,7 +25,6 @@ from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
 
 MOST_BODIES = 200
 """Largest number of rigid bodies in a scene."""
-_MOST_CORNERS = 1000
 _Angle = Annotated[float, Range(-100, 100, "rad")]
 _Rotation = Annotated[
     Annotated[_Angle, Tag("number")] | Annotated[tuple[_Angle, _Angle, _Angle], Tag("vector")],
@@ -250,6 +250,15 @@ def _around(points: Points) -> Points:
     return np.array(half(points) + half(points[::-1]))
 
 
+def hull_corners(points: Points) -> Points:
+    """Return the corners (K, D) of the convex hull of points (N, D)."""
+    if points.shape[1] == 2:
+        return _around(points)
+    native = RigidHull.model_construct(points=points.tolist()).to_native()
+    corners, _ = native.surface() or ([], [])
+    return np.array(corners) + native.center
+
+
 def rotation_matrix(rotation: float | tuple[float, ...]) -> Points:
     """Return the matrix (D, D) of a turn: an angle in 2D, a vector along the axis in 3D [rad]."""
     if not isinstance(rotation, tuple):
@@ -411,7 +420,7 @@ class RigidHull(Rigid):
     """Convex polygon in 2D, convex polyhedron in 3D: the convex hull of some points."""
 
     shape: Literal["hull"] = "hull"
-    points: Annotated[tuple[Point, ...], Field(min_length=3, max_length=_MOST_CORNERS)] = Field(
+    points: Annotated[tuple[Point, ...], Field(min_length=3, max_length=MOST_CORNERS)] = Field(
         description="Corners in any order [m]; those within the hull of the others count as none."
     )
 

@@ -392,8 +392,16 @@ def test_scene_files_name_files_of_shapes(tmp_path: Path) -> None:
         "- {file: ball.stl, center: [0.5, 0.6, 0.5], height: 0.2, material: water}\n"
         "obstacles:\n- {file: ball.stl, center: [0.5, 0.3, 0.5], height: 0.2, contact: sticky}\n"
     )
+    trimesh.creation.box().subdivide().subdivide().subdivide().subdivide().export(tmp_path / "box.stl")
+    crate = "rigid:\n- {file: box.stl, center: [0.5, 0.8, 0.5], height: 0.1, density: 400}\n"
+    space = (tmp_path / "space.yaml").read_text() + crate
+    (tmp_path / "space.yaml").write_text(space)
     scene = Scene.load(tmp_path / "space.yaml")
     assert [part.shape for part in (*scene.bodies, *scene.obstacles)] == ["mesh", "mesh"]
+    assert scene.rigid[0].mass == pytest.approx(0.4)
+    trimesh.creation.icosphere(4).export(tmp_path / "box.stl")
+    with pytest.raises(SceneError, match=r"rigid\[0\].file: its hull has 2562 corners, at most 1000"):
+        Scene.load(tmp_path / "space.yaml")
     assert scene.bodies[0].measure == pytest.approx(4 / 3 * np.pi * 0.1**3, rel=0.04)
     flat = (
         '{"dim": 2, "bodies": [{"file": "disc.svg", "center": [0.5, 0.6], "height": 0.2, "material": "sand"}]'

@@ -102,7 +102,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ),
         ("rigid", {}, "rigid: must be a list, got {}"),
         ("rigid", ["box"], "rigid[0]: must be an object with named fields, got 'box'"),
-        ("rigid", [{"file": "a.svg"}], "rigid[0]: must name its 'shape': files are of bodies and obstacles"),
+        ("rigid", [{"file": "a.svg"}], "rigid[0]: must name its 'shape': Scene.load reads files of shapes"),
         (
             "rigid",
             [{"shape": "hull", "points": [[0.5, 0.5], [0.6, 0.5, 0.4], [0.6, 0.6]]}],
