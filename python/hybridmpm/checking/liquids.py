@@ -64,14 +64,18 @@ def _elastic(scene: Scene, liquid: Liquid) -> Iterator[Finding]:
     modulus = liquid.stiffness(scene.potential_drop or 1.0) / 2
     impedance = math.sqrt(modulus * liquid.density)
     half = min(_extents(scene, liquid)) / 2
-    blow = impedance * impact_speed(scene, liquid)
-    of_viscosity = liquid.viscosity / (ELASTIC * half * impedance) if liquid.flow_index == 1 else 0.0
+    speed = impact_speed(scene, liquid)
+    blow = impedance * speed
+    # With other flow indices the viscosity at the shear rate of the blow counts.
+    power = liquid.flow_index - 1
+    viscosity = liquid.viscosity * ((speed / half) ** power if speed else float(power == 0))
+    of_viscosity = viscosity / (ELASTIC * half * impedance)
     of_yield = liquid.yield_stress / (ELASTIC_YIELD * blow) if blow else 0.0
     if max(of_viscosity, of_yield) > 1:
         much = max(of_viscosity, of_yield) ** 2
         cause = "its viscosity" if of_viscosity >= of_yield else "its yield stress"
         bearable = (
-            f"{liquid.viscosity / of_viscosity:.2g} Pa s"
+            f"{liquid.viscosity / of_viscosity:.2g} Pa {'s^n' if power else 's'}"
             if of_viscosity >= of_yield
             else f"{liquid.yield_stress / of_yield:.2g} Pa"
         )

@@ -278,6 +278,15 @@ def test_a_simulator_stands_for_its_scene_and_brings_what_its_level_does_not_sui
         ("oil", "flows along walls like one of about 2 Pa s on this grid"),
         ("honey", None),
         ({"kind": "liquid", "viscosity": 2e3}, "its viscosity is so high that it rebounds"),
+        (
+            {"kind": "liquid", "viscosity": 8e3, "flow_index": 0.5},
+            "its viscosity is so high that it rebounds",
+        ),
+        (
+            {"kind": "liquid", "viscosity": 200, "flow_index": 1.8},
+            "its viscosity is so high that it rebounds",
+        ),
+        ({"kind": "liquid", "viscosity": 1e3, "flow_index": 0.5}, None),
         ({"kind": "liquid", "viscosity": 1e3, "bulk_modulus": 2e6}, None),
         ({"kind": "liquid", "viscosity": 10, "yield_stress": 8e3}, "its yield stress is so high"),
     ],
