@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hybridmpm.errors import ExportError
@@ -27,4 +27,6 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise ExportError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        part.unlink(missing_ok=True)
+        # Where there is no such file, or no such name can be, nothing is left to remove.
+        with suppress(OSError):
+            part.unlink()

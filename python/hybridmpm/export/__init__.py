@@ -14,6 +14,7 @@ With `Style(surface=True)` a .ply is a surface, too. A .png, .ply, .vtp, .obj or
 appears under its name only once it is complete.
 """
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from hybridmpm.errors import ExportError
 from hybridmpm.export import arrays, clouds, pictures, stages, surfaces
 from hybridmpm.export.clouds import Cloud
 from hybridmpm.export.surfaces import Surface, Surfaces
-from hybridmpm.recording import Recording
+from hybridmpm.recording import Recording, checked_recording
 from hybridmpm.render import View, view_of
 
 __all__ = [
@@ -99,8 +100,8 @@ def check_target(path: Path, style: Style | None = None, *, dim: int | None = No
     Raises
     ------
     ExportError
-        The suffix is unknown, the folder does not exist, the format allows no numbered series, a package for
-        the format is not installed, or a surface is asked for in 2D.
+        The suffix is unknown, the folder does not exist or cannot be written to, the format allows no
+        numbered series, a package for the format is not installed, or a surface is asked for in 2D.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -108,8 +109,13 @@ def check_target(path: Path, style: Style | None = None, *, dim: int | None = No
         raise ExportError(f"output files end in {', '.join(SUFFIXES)}; got {path.name!r}{plays}")
     if not path.parent.is_dir():
         raise ExportError(f"the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise ExportError(f"cannot write {path}: it is a folder")
+    if not os.access(path.parent, os.W_OK):
+        raise ExportError(f"cannot write {path}: nothing may be written into the folder {path.parent}")
     if _NUMBER.search(path.name) and suffix not in _SINGLE:
-        raise ExportError(f"a numbered series is for {', '.join(_SINGLE)}; got {path.name!r}")
+        advice = f"a {suffix} has all states in one file, so leave out the %d"
+        raise ExportError(f"a numbered series is for {', '.join(_SINGLE)}; got {path.name!r}; {advice}")
     if suffix == ".mp4":
         pictures.require_encoder()
     if suffix == ".usdc":
@@ -160,12 +166,7 @@ def save(
         `check_target` refuses the path, or writing failed. An older file of that name then stays.
     """
     path, style = Path(path), style or Style()
-    if not isinstance(recording, Recording):
-        kind = type(recording).__name__
-        raise ExportError(
-            f"recording must be a Recording, such as record(solver, 100), got an object of type {kind}"
-        )
-    check_target(path, style, dim=recording.scene.dim)
+    check_target(path, style, dim=checked_recording(recording).scene.dim)
     progress = on_progress or (lambda _done, _total: None)
     suffix = path.suffix.lower()
     if suffix in {".gif", ".mp4"}:

@@ -6,7 +6,7 @@ A surface encloses particles of 3D scenes. It needs pysplashsurf: pip install 'h
 import importlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.errors import ExportError
-from hybridmpm.recording import Recording
+from hybridmpm.recording import Recording, checked_recording
 from hybridmpm.render import palette
 from hybridmpm.scene.materials import Elastic
 from hybridmpm.scene.particle_types import GOOP, NAMES, RIGID, SAND
@@ -43,7 +43,10 @@ _SMOOTH = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A closed surface with V vertices and T triangles."""
+    """A closed surface with V vertices and T triangles.
+
+    At sharp edges of rigid bodies each face has vertices of its own, at equal places.
+    """
 
     name: str
     """Material, and the index in `Scene.bodies` or `Scene.rigid`: "water", "elastic_2", "rigid_0"."""
@@ -76,11 +79,11 @@ class Surfaces:
     Raises
     ------
     ExportError
-        The scene is in 2D, or pysplashsurf is not installed.
+        The scene is in 2D, `recording` is none, or pysplashsurf is not installed.
     """
 
     def __init__(self, recording: Recording) -> None:
-        check_dim(recording.scene.dim)
+        check_dim(checked_recording(recording).scene.dim)
         self._meshing = require_meshing()
         self._recording = recording
         self._spacing = recording.spacing or recording.scene.spacing
@@ -154,13 +157,31 @@ class Surfaces:
 def _rigid(index: int, body: RigidBody, numbers: npt.NDArray[np.float64]) -> Surface:
     """Return the surface of a rigid body with its numbers (13,)."""
     vertices, normals, triangles = body.mesh()
+    points, which = welded(vertices)
     return Surface(
         name=f"{NAMES[RIGID]}_{index}",
         type=RIGID,
-        vertices=placed(vertices, numbers).astype(np.float32),
+        # Vertices at one place stay there to the last bit, so that readers can merge them.
+        vertices=placed(points, numbers).astype(np.float32)[which],
         normals=(normals @ turn_of(numbers).T).astype(np.float32),
         triangles=triangles,
     )
+
+
+def welded(vertices: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[np.int32]]:
+    """Return the different points (P, 3) of vertices (V, 3), and the index (V,) of the point of each."""
+    points, which = np.unique(vertices, axis=0, return_inverse=True)
+    return points, which.reshape(-1).astype(np.int32)
+
+
+def _closed(one: Surface) -> Surface:
+    """Return a surface whose sharp edges have one vertex a place, with the mean of the normals there."""
+    if one.type != RIGID:
+        return one
+    points, which = welded(one.vertices)
+    sums = np.stack([np.bincount(which, axis, len(points)) for axis in one.normals.T], axis=1)
+    normals = (sums / np.linalg.norm(sums, axis=1, keepdims=True)).astype(np.float32)
+    return replace(one, vertices=points, normals=normals, triangles=which[one.triangles])
 
 
 def _normals(vertices: npt.NDArray[np.float64], triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
@@ -213,7 +234,7 @@ def check_dim(dim: int) -> None:
 
 def write_ply(path: Path, recording: Recording, row: int, surfaces: Surfaces) -> None:
     """Write the surfaces of state `row` as one binary PLY; vertices have normals and the particle type."""
-    found = surfaces.at(row)
+    found = [_closed(one) for one in surfaces.at(row)]
     vertices = np.zeros(sum(len(one.vertices) for one in found), dtype=[("x", "<f4", 6), ("type", "u1")])
     faces = np.zeros(sum(len(one.triangles) for one in found), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"] = 3
@@ -243,7 +264,7 @@ def write_obj(path: Path, recording: Recording, row: int, surfaces: Surfaces) ->
     first = 1
     with path.open("w", encoding="ascii") as file:
         file.write(f"# frame {recording.frames[row]} time {recording.time(row):.9g} s\n")
-        for one in surfaces.at(row):
+        for one in map(_closed, surfaces.at(row)):
             file.write(f"o {one.name}\n")
             file.write(_lines("v %.7g %.7g %.7g\n", one.vertices))
             file.write(_lines("vn %.4f %.4f %.4f\n", one.normals))
@@ -272,12 +293,16 @@ class _Gltf:
             "scenes": [{}],
         }
         for index, one in enumerate(surfaces):
+            closed = _closed(one)
+            attributes = {
+                "POSITION": self._accessor(closed.vertices, self._FLOAT, self._VERTICES, bounds=True)
+            }
+            # Without normals faces are flat (section 3.7.2.1), and bodies with sharp edges still closed.
+            if len(closed.vertices) == len(one.vertices):
+                attributes["NORMAL"] = self._accessor(closed.normals, self._FLOAT, self._VERTICES)
             primitive = {
-                "attributes": {
-                    "POSITION": self._accessor(one.vertices, self._FLOAT, self._VERTICES, bounds=True),
-                    "NORMAL": self._accessor(one.normals, self._FLOAT, self._VERTICES),
-                },
-                "indices": self._accessor(one.triangles.reshape(-1, 1), self._UINT32, self._INDICES),
+                "attributes": attributes,
+                "indices": self._accessor(closed.triangles.reshape(-1, 1), self._UINT32, self._INDICES),
                 "material": index,
             }
             self._add("meshes", {"name": one.name, "primitives": [primitive]})

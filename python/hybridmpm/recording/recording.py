@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm._support.arguments import whole
-from hybridmpm.errors import ConfigError
+from hybridmpm.errors import ConfigError, ExportError
 from hybridmpm.recording.tracks import Tracks
 from hybridmpm.render import View, notebook, side_by_side, view_of
 from hybridmpm.scene import Scene
@@ -136,6 +136,16 @@ def record(
         velocities=tracks["velocities"],
         spacing=solver.particle_spacing,
         rigid=rigid if solver.scene.rigid else None,
+    )
+
+
+def checked_recording(recording: object) -> Recording:
+    """Return a recording; refuse anything else, such as a simulator, by an `ExportError`."""
+    if isinstance(recording, Recording):
+        return recording
+    kind = type(recording).__name__
+    raise ExportError(
+        f"recording must be a Recording, such as record(solver, 100), got an object of type {kind}"
     )
 
 

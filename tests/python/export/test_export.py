@@ -1,6 +1,7 @@
 """Files and pictures show what was recorded; they are read back by other means than they were written."""
 
 import base64
+import os
 import re
 import subprocess
 import xml.etree.ElementTree as ET
@@ -162,10 +163,18 @@ def test_missing_encoder(tmp_path: Path, recording: Recording, monkeypatch: pyte
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["a.txt", "a", "missing/a.npz", "a%d.npz", "a%03d.gif", ".npz"])
-def test_targets_that_are_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["a.txt", "a", "missing/a.npz", "a%d.npz", "a%03d.gif", ".npz", "a.ply"])
+def test_targets_that_are_refused(
+    tmp_path: Path, name: str, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.ply").mkdir()
     with pytest.raises(ExportError):
         export.check_target(tmp_path / name)
+    with pytest.raises(ExportError, match="File name too long"):
+        export.save(tmp_path / f"{'n' * 250}.ply", recording)
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(ExportError, match="nothing may be written into the folder"):
+        export.check_target(tmp_path / "b.ply")
     with pytest.raises(ExportError, match=r"got 'a\.html'; hybridmpm\.play\(scene, path\) writes pages"):
         export.check_target(tmp_path / "a.html")
     with pytest.raises(
@@ -365,3 +374,6 @@ def test_usd_has_the_particles_of_each_state(tmp_path: Path, recording: Recordin
         ids = np.concatenate([prim.GetIdsAttr().Get(frame) for prim in prims])
         np.testing.assert_array_equal(x[np.argsort(ids), :2], recording.positions[row])
         assert not x[:, 2].any()
+        bounds = UsdGeom.BBoxCache(frame, ["default"]).ComputeWorldBound(stage.GetDefaultPrim())
+        lowest = recording.positions[row].min(axis=0) - recording.scene.spacing / 2
+        np.testing.assert_allclose(list(bounds.ComputeAlignedRange().GetMin())[:2], lowest, rtol=1e-5)

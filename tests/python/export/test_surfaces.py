@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, Box, ExportError, MpmSolver, RoundEmitter, Scene, export
+from hybridmpm import Ball, Box, ExportError, MpmSolver, RigidBox, RigidCylinder, RoundEmitter, Scene, export
 from hybridmpm.recording import Recording, record
 
 pytestmark = [pytest.mark.needs("pysplashsurf", "surfaces"), pytest.mark.needs("trimesh", "surfaces")]
@@ -78,6 +78,21 @@ def test_elastic_bodies_have_surfaces_of_their_own(tmp_path: Path) -> None:
     assert whole.volume == pytest.approx(sum(mesh.volume for mesh in meshes.values()), rel=1e-5)
 
 
+def test_rigid_bodies_are_closed(tmp_path: Path) -> None:
+    bodies = (
+        RigidBox(lower=(0.3, 0.3, 0.3), upper=(0.45, 0.4, 0.5), rotation=(0.3, 0.5, 0.2)),
+        RigidCylinder(start=(0.7, 0.3, 0.6), end=(0.8, 0.4, 0.7), radius=0.05),
+    )
+    recording = record(MpmSolver(Scene(dim=3, resolution=32, bodies=(BALL,), rigid=bodies)), 3)
+    volume = sum(one.volume for one in export.Surfaces(recording).at(-1))
+    for suffix in ("ply", "obj", "glb"):
+        path = tmp_path / f"one.{suffix}"
+        export.save(path, recording, export.Style(surface=True))
+        meshes = _read(path).values()
+        assert all(mesh.is_watertight for mesh in meshes)
+        assert sum(mesh.volume for mesh in meshes) == pytest.approx(volume, rel=1e-5)
+
+
 def test_states_without_particles_are_valid_files(tmp_path: Path) -> None:
     spout = RoundEmitter(material="water", center=(0.5, 0.6, 0.5), radius=0.1, velocity=(0.0, -1.0, 0.0))
     recording = record(MpmSolver(Scene(dim=3, resolution=32, bodies=(), emitters=(spout,))), 0)
@@ -103,6 +118,8 @@ def test_what_surfaces_need(
         export.save(tmp_path / "a.obj", flat)
     with pytest.raises(ExportError, match="need a scene in 3D"):
         export.Surfaces(flat)
+    with pytest.raises(ExportError, match=r"must be a Recording.* of type MpmSolver"):
+        export.Surfaces(MpmSolver(cube))  # type: ignore[arg-type]
     monkeypatch.setitem(sys.modules, "pysplashsurf", None)
     assert _refused(tmp_path / "a.glb", deep) == _refused(tmp_path / "a.ply", deep)
     export.save(tmp_path / "a.ply", deep)

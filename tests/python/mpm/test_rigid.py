@@ -277,6 +277,7 @@ def test_usd_has_a_mesh_for_each_body(tmp_path: Path) -> None:
         points = np.array([placed.Transform(point) for point in mesh.GetPointsAttr().Get()])
         at_start = body.at_start(points, recording.rigid[-1, index]).astype(np.float32)
         assert body.to_native().signed_distance(at_start) == pytest.approx(0, abs=0.02 * 0.06)
+        assert len(np.unique(points, axis=0)) == len(points)
         assert len(mesh.GetFaceVertexIndicesAttr().Get()) == sum(mesh.GetFaceVertexCountsAttr().Get())
 
 
