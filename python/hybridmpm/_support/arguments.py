@@ -26,7 +26,8 @@ def whole(name: str, value: object, low: int, high: int) -> int:
 def real(name: str, value: object, low: float, high: float) -> float:
     """Return `value` as a float in [low, high], or raise `ConfigError`; its message has `name` and range."""
     try:
-        number = float(value)  # type: ignore[arg-type]  # what is no number raises
+        # True is a slip, as the `yes` of a YAML file; what is no number raises.
+        number = float("nan") if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         number = float("nan")
     if not low <= number <= high:

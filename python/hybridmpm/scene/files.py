@@ -88,33 +88,49 @@ def resolved(data: Any, folder: Path) -> Any:
             continue
         found[group] = list(parts)
         for index, part in enumerate(parts):
-            if isinstance(part, dict) and "file" in part:
-                try:
-                    found[group][index] = _with_shape(part, folder, is_rigid=group == "rigid")
-                except SceneError as error:
-                    faults += [(f"{group}[{index}].{field}", text) for field, text in error.problems]
+            if not isinstance(part, dict) or "file" not in part:
+                continue
+            where = f"{group}[{index}]"
+            found[group][index], wrong = _read(part, group, data.get("dim"), folder)
+            faults += [(f"{where}.{field}", text) for field, text in wrong]
     if faults:
         raise SceneError.of(faults)
     return found
 
 
-def _with_shape(part: dict[str, Any], folder: Path, *, is_rigid: bool) -> dict[str, Any]:
-    """Return a part of a scene with the shape in its file; see `resolved`."""
-    if not isinstance(part["file"], str) or not part["file"]:
-        raise SceneError.of([("file", f"must be the path of a file, got {part['file']!r}")])
-    if missing := sorted(_PLACED - part.keys()):
-        raise SceneError.of([(missing[0], "is required beside file, in metres")])
+def _read(
+    part: dict[str, Any], group: str, dim: object, folder: Path
+) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """Return a part with the shape in the place of its file, and the faults of its fields."""
+    name = part["file"]
+    if not isinstance(name, str) or not name:
+        return part, [("file", f"must be the path of a file, got {name!r}")]
+    suffix, allowed = Path(name).suffix.lower(), SURFACES if dim == 3 else DRAWINGS
+    is_known = suffix in SURFACES + DRAWINGS
+    if is_known and dim in (2, 3) and suffix not in allowed:
+        text = f"{suffix} is for dim {2 if dim == 3 else 3} only; dim {dim} allows {', '.join(allowed)}"
+        return part, [("file", text)]
+    if is_known and not (folder / name).is_file():
+        return part, [("file", f"there is no file {str(folder / name)!r}; paths begin at the scene's folder")]
+    missing = sorted(_PLACED - part.keys())
+    if missing:
+        return part, [(field, "is required beside file, in metres") for field in missing]
     try:
-        shape = shape_in(folder / part["file"], part["center"], part["height"])
+        shape = shape_in(folder / name, part["center"], part["height"])
     except (ConfigError, DataError, OSError) as error:
-        raise SceneError.of([("file", str(error))]) from None
-    if is_rigid:
+        text = str(error)
+        field = next((field for field in ("center", "height") if text.startswith(f"{field} must")), "file")
+        return part, [(field, text if field == "file" else text.removeprefix(f"{field} "))]
+    if group == "rigid":
         corners = hull_corners(np.array(shape["vertices"]))
         if len(corners) > MOST_CORNERS:
             text = f"its hull has {len(corners)} corners, at most {MOST_CORNERS} are allowed: make it coarser"
-            raise SceneError.of([("file", f"{text}, or take a ball or a cylinder")])
+            return part, [("file", f"{text}, or take a ball or a cylinder")]
         shape = {"shape": "hull", "points": corners.tolist()}
-    return shape | {name: value for name, value in part.items() if name not in _PLACED}
+    rest = {field: value for field, value in part.items() if field not in _PLACED}
+    twice = [field for field in shape if field in rest and (field != "shape" or rest[field] != shape[field])]
+    text = f"stands beside file, whose shape is a {shape['shape']}; leave it out"
+    return shape | rest, [(field, text) for field in twice]
 
 
 def _grey(path: Path) -> npt.NDArray[np.float64]:

@@ -59,8 +59,9 @@ def drawn_lines(path: Path) -> list[Points]:
     """
     try:
         text = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path.name} cannot be read as SVG: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        fault = getattr(error, "strerror", None) or error
+        raise DataError(f"{path.name} cannot be read as SVG: {fault}") from None
     # Entities could grow without bound; in UTF-16 every second byte is 0.
     if re.search(rb"<!\s*(DOCTYPE|ENTITY)[^>]*\[", text.replace(b"\0", b""), re.IGNORECASE):
         advice = "save it as plain SVG"

@@ -102,6 +102,7 @@ def test_a_goal_that_is_missed_gives_status_1(folder: Path) -> None:
     assert run.exit_code == 1, run.output
     assert "0.0 % of the mass in the goal" in run.output
     assert "frames would do" in run.output
+    assert "exit status 1: the middle must be within" in run.output
 
 
 def test_an_oval_from_a_picture_is_filled(folder: Path) -> None:

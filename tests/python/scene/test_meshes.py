@@ -327,6 +327,8 @@ def test_drawings_count_as_they_are_seen(tmp_path: Path) -> None:
     path.write_bytes('<!DOCTYPE svg [<!ENTITY a "b">]><svg/>'.encode("utf-16"))
     with pytest.raises(DataError, match="entities of their own are not read; save it as plain SVG"):
         shape_in(path, (0.5, 0.5), 0.2)
+    with pytest.raises(DataError, match="null byte"):
+        shape_in("\0.svg", (0.5, 0.5), 0.2)
 
 
 @pytest.mark.needs("contourpy", "shapes")
@@ -414,7 +416,26 @@ def test_scene_files_name_files_of_shapes(tmp_path: Path) -> None:
     low, high = scene.obstacles[0].bounds
     assert (high - low).tolist() == pytest.approx([0.2, 0.1], rel=0.02)
     assert scene.rigid[0].mass == pytest.approx(6.0, rel=0.02)
-    (tmp_path / "bad.json").write_text(flat.replace("disc", "none") + ', "obstacles": [{"file": "bar.png"}]}')
-    with pytest.raises(SceneError) as caught:
-        Scene.load(tmp_path / "bad.json")
-    assert [field for field, _ in caught.value.problems] == ["bodies[0].file", "obstacles[0].center"]
+    good = {"file": "bar.png", "center": [0.5, 0.5], "height": 0.1}
+    for changed, expected in [
+        (
+            {"file": "no.svg"},
+            f"file: there is no file '{tmp_path}/no.svg'; paths begin at",
+        ),
+        ({"file": "\0.svg"}, "file: there is no file"),
+        ({"file": "ball.stl"}, "file: .stl is for dim 3 only; dim 2 allows .svg, .png"),
+        ({"file": "ball.txt"}, "file: files of shapes end in"),
+        ({"height": 0}, "height: must be in [1e-06, 4096], got 0"),
+        ({"height": True}, "height: must be in [1e-06, 4096], got True"),
+        ({"center": 0.5}, "center: must be 2 finite numbers [m], got 0.5"),
+        ({"shape": "box"}, "shape: stands beside file, whose shape is a hull; leave it out"),
+        ({"points": [[0, 0]]}, "points: stands beside file"),
+    ]:
+        data = {"dim": 2, "bodies": [], "rigid": [good | changed], "obstacles": [{"file": "bar.png"}]}
+        (tmp_path / "bad.json").write_text(json.dumps(data))
+        with pytest.raises(SceneError) as caught:
+            Scene.load(tmp_path / "bad.json")
+        found = [f"{field}: {text}" for field, text in caught.value.problems]
+        assert found[0] == "obstacles[0].center: is required beside file, in metres"
+        assert found[1].startswith("obstacles[0].height: ")
+        assert found[2].startswith(f"rigid[0].{expected}")

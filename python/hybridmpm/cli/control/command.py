@@ -162,6 +162,9 @@ def control(
     for target in targets:
         _write(target, run, style)
     if not run.is_reached:
+        click.echo(
+            "exit status 1: the middle must be within 1 % of the world, and 95 % of the mass in a region"
+        )
         ctx.exit(1)
 
 
