@@ -175,19 +175,37 @@ def test_faults_are_named_and_nothing_is_lost(open_page: Open, service: LiveServ
 def test_a_drawing_becomes_a_solid_or_a_body_and_a_bad_file_says_why(
     open_page: Open, service: LiveService, tmp_path: Path
 ) -> None:
-    visit = _builder(open_page)
+    visit = _builder(open_page, 390)
     ring = "M0 0H40V30H0Z M10 10V20H30V10Z"
     for name, text in (
         ("ring.svg", f'<svg xmlns="http://www.w3.org/2000/svg"><path d="{ring}"/></svg>'),
         ("bad.svg", "no"),
+        ("notes.txt", "no"),
+        ("large.svg", " " * 17_000_000),
     ):
         (tmp_path / name).write_text(text)
-    chosen = visit.page.locator("#build-chosen")
-    chosen.set_input_files(tmp_path / "bad.svg")
-    expect(visit.page.locator("#build-status")).to_contain_text("bad.svg is not read: ")
+    chosen, status = visit.page.locator("#build-chosen"), visit.page.locator("#build-status")
+    for name, fault in [
+        ("notes.txt", "choose an SVG or PNG file, or, for 3D,"),
+        ("large.svg", "it has 17.0 MB, more than the service takes; make it smaller."),
+        ("bad.svg", "the file cannot be read as SVG: "),
+    ]:
+        chosen.set_input_files(tmp_path / name)
+        expect(status).to_contain_text(f"{name} is not read: {fault}")
+        expect(status).to_be_in_viewport()
     visit.errors.clear()  # the browser itself reports the status 422
-    chosen.set_input_files(tmp_path / "ring.svg")
+    drop = """(text) => [0, 1].forEach(() => {
+      const dataTransfer = new DataTransfer();
+      dataTransfer.items.add(new File([text], "ring.svg"));
+      document.getElementById("build-picture").dispatchEvent(new DragEvent("drop", { dataTransfer }));
+    })"""
+    visit.page.evaluate(drop, (tmp_path / "ring.svg").read_text())  # both get room of their own
+    expect(_things(visit)).to_have_count(2)
+    first, second = (_things(visit).nth(k).bounding_box()["x"] for k in (0, 1))
+    assert abs(first - second) > 20
+    visit.page.locator("#build-delete").click()
     expect(_things(visit)).to_have_count(1)
+    _things(visit).first.focus()
     # A line of its own for each outline, none between them.
     outlines = _things(visit).locator("path")
     expect(outlines).to_have_attribute("d", re.compile(r"^M([^M]*L){4}[^M]*M([^M]*L){4}[^ML]*$"))

@@ -18,6 +18,7 @@ const TURN = 0.008; // rad for a pixel of a drag
 const NUDGE = 0.1; // rad for an arrow key
 
 const SURFACES = ["stl", "obj", "ply", "glb"]; // endings of files for 3D
+const DRAWINGS = ["svg", "png"]; // and of flat ones
 
 const QUICK = 20_000; // triangles that are shaded with each move of a hand
 const REST_MS = 150; // rest after a move until more of them are shaded
@@ -30,6 +31,7 @@ const state = {
   timer: 0,
   checked: null, // the things of the newest check
   number: 0, // number of the newest check; answers to older ones are dropped
+  reading: Promise.resolve(), // until files before have been read
   ofFile: false, // whether the status is about a file
   used: "front", // the picture that a hand was at last
   shaded: 0, // request of a picture
@@ -183,27 +185,47 @@ function add(name) {
   focusThing(picture(), draft.selected);
 }
 
-/** Add the shape in a drawing or a picture to a flat scene, that of a surface to one in space. */
-async function addFile(file) {
+/** Say what became of a file, in sight on a phone, too. */
+function tellOfFile(text) {
+  state.ofFile = true;
+  setText("build-status", text);
+  byId("build-status").scrollIntoView({ block: "nearest" });
+}
+
+/** Add the shape in a drawing or a picture to a flat scene, that of a surface to one in space: one file after the other. */
+function addFile(file) {
+  state.reading = state.reading.then(() => read(file));
+  return state.reading;
+}
+
+async function read(file) {
   const kind = file.name.split(".").at(-1).toLowerCase();
   const dim = SURFACES.includes(kind) ? 3 : 2;
-  state.ofFile = true;
+  if (![...SURFACES, ...DRAWINGS].includes(kind)) {
+    tellOfFile(`${file.name} is not read: choose an SVG or PNG file, or, for 3D, an STL, OBJ, PLY or GLB file.`);
+    return;
+  }
   if (dim !== draft.base.dim) {
     if (draft.things.length > 0 && draft.edited) {
-      setText("build-status", `${file.name} is ${dim === 3 ? "a surface, and this scene is flat" : "flat, and this scene is 3D"}: begin with “Empty ${dim === 3 ? "3D " : ""}box”.`);
+      tellOfFile(`${file.name} is ${dim === 3 ? "a surface, and this scene is flat" : "flat, and this scene is 3D"}: begin with “Empty ${dim === 3 ? "3D " : ""}box”.`);
       return;
     }
     draft.empty(dim);
   }
-  setText("build-status", `${file.name} is being read.`);
+  tellOfFile(`${file.name} is being read.`);
   const [lower, upper] = freeRoom(draft.base.walls, draft.things, FIRST_SIZE);
   const [x, y, z] = lower.map((low, k) => (low + upper[k]) / 2);
   try {
     const { shape, vertices, triangles } = unpacked(await client.shape(file, kind, { height: FIRST_SIZE, x, y, ...(dim === 3 ? { z } : {}) }));
+    if (dim !== draft.base.dim) {
+      tellOfFile(`${file.name} is left out: the scene became ${dim === 3 ? "flat" : "3D"} while it was read.`);
+      return;
+    }
     draft.add({ part: "obstacles", record: dim === 3 ? { shape, vertices, triangles } : { shape, vertices } });
     focusThing(picture(), draft.selected);
   } catch (problem) {
-    setText("build-status", `${file.name} is not read: ${problem.detail}.`);
+    const large = `it has ${(file.size / 1e6).toFixed(1)} MB, more than the service takes; make it smaller`;
+    tellOfFile(`${file.name} is not read: ${problem.status === 413 ? large : problem.detail.replace(/^body: /, "")}.`);
   }
 }
 
