@@ -98,7 +98,7 @@ def resolved(data: Any, folder: Path) -> Any:
     return found
 
 
-def _read(
+def _read(  # noqa: PLR0911 - one fault after another
     part: dict[str, Any], group: str, dim: object, folder: Path
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """Return a part with the shape in the place of its file, and the faults of its fields."""
