@@ -194,7 +194,8 @@ function tellOfFile(text) {
 
 /** Add the shape in a drawing or a picture to a flat scene, that of a surface to one in space: one file after the other. */
 function addFile(file) {
-  state.reading = state.reading.then(() => read(file));
+  // One that failed keeps no later one waiting.
+  state.reading = state.reading.catch(() => {}).then(() => read(file));
   return state.reading;
 }
 
@@ -225,7 +226,7 @@ async function read(file) {
     focusThing(picture(), draft.selected);
   } catch (problem) {
     const large = `it has ${(file.size / 1e6).toFixed(1)} MB, more than the service takes; make it smaller`;
-    tellOfFile(`${file.name} is not read: ${problem.status === 413 ? large : problem.detail.replace(/^body: /, "")}.`);
+    tellOfFile(`${file.name} is not read: ${problem.status === 413 ? large : (problem.detail || problem.message).replace(/^body: /, "")}.`);
   }
 }
 
