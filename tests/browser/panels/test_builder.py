@@ -193,6 +193,9 @@ def test_a_drawing_becomes_a_solid_or_a_body_and_a_bad_file_says_why(
         chosen.set_input_files(tmp_path / name)
         expect(status).to_contain_text(f"{name} is not read: {fault}")
         expect(status).to_be_in_viewport()
+    visit.page.route("**/v1/shapes*", lambda route: route.fulfill(body="no"), times=1)
+    chosen.set_input_files(tmp_path / "ring.svg")
+    expect(status).to_contain_text("ring.svg is not read: ")
     visit.errors.clear()  # the browser itself reports the status 422
     drop = """(text) => [0, 1].forEach(() => {
       const dataTransfer = new DataTransfer();
