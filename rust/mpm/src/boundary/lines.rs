@@ -9,7 +9,7 @@ use super::node::DEEP_CELLS;
 use super::obstacle::Obstacle;
 use super::shape::Shape;
 use super::solids::Solids;
-use super::touch::{Touch, body_rest, heights, shear, touching};
+use super::touch::{Touch, heights, shear, touching};
 use crate::grid::{SMALLEST_MASS, spline};
 use crate::linalg::Vector;
 
@@ -83,7 +83,7 @@ pub struct Probe<const D: usize> {
     pub u: Vector<D>,
     /// Mass that follows the surface [kg].
     pub mass: f32,
-    /// Speed at which the material may come nearer, for it is not yet there [m/s].
+    /// Speed at which the material may come nearer, for it is not yet at rest there; below 0 that at which it is moved back [m/s].
     pub closing: f32,
     /// Coulomb coefficient of the material [-].
     pub friction: f32,
@@ -136,7 +136,7 @@ impl<const D: usize> Solids<D> {
             f64::from(normal[axis].abs()),
             self.list[index].contact.kind,
             f64::from(dx),
-            (elastic, self.is_body(index).then(body_rest::<D>)),
+            (elastic, self.is_body(index)),
         );
         Some(Line {
             node: memory,

@@ -77,7 +77,7 @@ impl WallContact {
                     1.0,
                     contact.kind,
                     1.0 / layout.resolution as f64,
-                    (true, None),
+                    (true, false),
                 ),
                 lines: [Vec::new(), Vec::new()],
                 shared_lines: Vec::new(),
