@@ -48,7 +48,7 @@ SHORTER: dict[str, Callable[[], Result]] = {
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),
     "viscous_flow": lambda: viscous_flow.run((64,), 3.0),
-    "rigid_bodies": lambda: rigid_bodies.run((500.0,), (6.0, 2.5, 3.0), (0.4,)),
+    "rigid_bodies": lambda: rigid_bodies.run((500.0,), (6.0, 2.5, 3.0), (("block", 0.4),)),
 }
 """Cases without their finest grids or longest runs, to save time; the command runs them in full."""
 

@@ -22,8 +22,8 @@ from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result
 
 DENSITIES = (300.0, 500.0, 800.0)
 """Densities of the boxes that float in 2D [kg/m^3]."""
-PLACES = (0.1, 0.4, 0.65)
-"""Shifts of the block in 3D [cells]; the contact at edges was chosen at others."""
+PLACES = (("block", 0.1), ("block", 0.4), ("block", 0.65), ("ball", 0.4), ("lying cylinder", 0.65))
+"""Bodies that float in 3D, and the shifts of all of their scene [cells]."""
 _G, _RESOLUTION, _WATER = 9.81, 64, 1000.0
 _LAW = 0.02  # accepted relative error of each law [-]
 _TILT, _UPRIGHT = (
@@ -38,11 +38,11 @@ _SLOPE = math.radians(20)
 def run(
     densities: Sequence[float] = DENSITIES,
     seconds: tuple[float, float, float] = (6.0, 2.5, 10.0),
-    places: Sequence[float] = PLACES,
+    places: Sequence[tuple[str, float]] = PLACES,
 ) -> Result:
     """Run all; `seconds` are the lengths of the runs that float in 2D, in 3D, and of the stacks."""
     shares, panel = _floating(densities, seconds[0])
-    checks = [*shares, *(_floating_in_space(seconds[1], place) for place in places)]
+    checks = [*shares, *(_floating_in_space(seconds[1], *place) for place in places)]
     if seconds[0] >= 6.0:
         righted, angles = _righting(seconds[0])
         checks.append(righted)
@@ -65,16 +65,23 @@ def _floating(densities: Sequence[float], seconds: float) -> tuple[list[Check], 
     return checks, Panel("Floating", "ratio of the densities", "submerged share", curves)
 
 
-def _floating_in_space(seconds: float, place: float) -> Check:
-    """Let a block float in a pool in 3D, all of it moved by a part of a cell."""
+def _floating_in_space(seconds: float, name: str, place: float) -> Check:
+    """Let a body float in a pool in 3D, all of it moved by a part of a cell."""
     shift = place / _RESOLUTION
-    block = RigidBox(lower=(0.1 + shift, 0.095, 0.1 + shift), upper=(0.32 + shift, 0.295, 0.32 + shift))
+    middle = 0.21 + shift
+    bodies: dict[str, RigidBody] = {
+        "block": RigidBox(lower=(0.1 + shift, 0.095, 0.1 + shift), upper=(0.32 + shift, 0.295, 0.32 + shift)),
+        "ball": RigidBall(center=(middle, 0.195, middle), radius=0.09),
+        "lying cylinder": RigidCylinder(
+            start=(middle, 0.195, 0.12 + shift), end=(middle, 0.195, 0.3 + shift), radius=0.08
+        ),
+    }
     walls = Walls(lower=(shift, 0.0, shift), upper=(0.42 + shift, 0.5, 0.42 + shift))
     water = Box(material="water", lower=walls.lower, upper=(walls.upper[0], 0.1875, walls.upper[2]))
-    scene = Scene(dim=3, resolution=_RESOLUTION, walls=walls, bodies=[water], rigid=[block])
+    scene = Scene(dim=3, resolution=_RESOLUTION, walls=walls, bodies=[water], rigid=[bodies[name]])
     error = _share(scene, seconds) / 0.5 - 1
-    name = f"3D, 500 kg/m³, {place:g} cells off the nodes: submerged share, relative error"
-    return Check.at_most(name, error, _LAW)
+    title = f"3D, {name} of 500 kg/m³, {place:g} cells off the nodes: submerged share, relative error"
+    return Check.at_most(title, error, _LAW)
 
 
 def _pool(*rigid: RigidBody) -> Scene:
